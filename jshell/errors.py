@@ -1,0 +1,131 @@
+"""What can go wrong, in words a user can act on.
+
+Two kinds. An *error* is a request that cannot be carried out: it says where,
+what was found, what was expected and what to try. An *outcome* is how a
+computation ended: anything but `ok` means that its numbers are not an answer.
+"""
+
+import enum
+
+
+class Outcome(enum.IntEnum):
+    """How a computation ended; the same words in Python, JSON and HTTP.
+
+    Integers, so that an outcome can leave a compiled program; `word` is the
+    spelling everywhere else.
+    """
+
+    OK = 0
+    NOT_CONVERGED = 1
+    CONTACT = 2
+    MESH = 3
+    NO_BUCKLED_STATE = 4
+    OUT_OF_RANGE = 5
+    RANK_DEFICIENT = 6
+    AT_BOUND = 7
+    STALLED = 8
+    UNUSABLE_DATA = 9
+
+    @property
+    def word(self) -> str:
+        return self.name.lower()
+
+    @property
+    def advice(self) -> str:
+        """What happened and what to try, in one sentence."""
+        return _ADVICE[self]
+
+
+_ADVICE = {
+    Outcome.OK: "the computation converged",
+    Outcome.NOT_CONVERGED: "the solver did not converge: try more elements, or a load nearer to a state that works",
+    Outcome.CONTACT: "the two poles touch: lower the outer pressure or raise the gas pressure",
+    Outcome.MESH: "the mesh was spoiled or the motion ran away: try more elements or a smaller step",
+    Outcome.NO_BUCKLED_STATE: "no buckled state at this load, the shell returned to the sphere: raise the outer pressure",
+    Outcome.OUT_OF_RANGE: "the parameters lie outside the range the method was built for",
+    Outcome.RANK_DEFICIENT: "the data leave a direction of the parameters free: add a second pressure or shape, or fix one",
+    Outcome.AT_BOUND: "a parameter ended on its bound: widen the bound or question the model",
+    Outcome.STALLED: "the solver stopped making progress before it converged: try other starts",
+    Outcome.UNUSABLE_DATA: "the data cannot carry this analysis: use a longer or cleaner record",
+}
+
+
+class JshellError(Exception):
+    """A request that cannot be carried out.
+
+    Attributes:
+        code: Stable identifier, e.g. `bad_value`.
+        place: Where: an argument, or file, row and column.
+        found: What was found there.
+        expected: What would have been accepted.
+        remedy: What to try.
+    """
+
+    code = "error"
+
+    def __init__(self, place: str, *, found: str, expected: str, remedy: str) -> None:
+        self.place = place
+        self.found = found
+        self.expected = expected
+        self.remedy = remedy
+        super().__init__(f"{place}: found {found}; expected {expected}. {remedy}")
+
+    def record(self) -> dict[str, str]:
+        """The error as a JSON object."""
+        return {
+            "code": self.code,
+            "place": self.place,
+            "found": self.found,
+            "expected": self.expected,
+            "remedy": self.remedy,
+        }
+
+
+class BadValue(JshellError, ValueError):
+    """A number outside its meaning: negative thickness, NaN pressure."""
+
+    code = "bad_value"
+
+
+class BadShape(JshellError, ValueError):
+    """An array of the wrong shape."""
+
+    code = "bad_shape"
+
+
+class BadName(JshellError, ValueError):
+    """A preset, channel or option that does not exist."""
+
+    code = "bad_name"
+
+
+class BadFile(JshellError, ValueError):
+    """A file that cannot be read as what it claims to be."""
+
+    code = "bad_file"
+
+
+class BadUnits(JshellError, ValueError):
+    """Units that are unknown, missing or mixed."""
+
+    code = "bad_units"
+
+
+class MissingExtra(JshellError, ImportError):
+    """An optional dependency that is not installed."""
+
+    code = "missing_extra"
+
+
+class NotOk(JshellError, RuntimeError):
+    """A computation that ended with an outcome other than ok, when the caller asked for an exception."""
+
+    code = "not_ok"
+
+    def __init__(self, place: str, outcome: Outcome) -> None:
+        self.outcome = outcome
+        super().__init__(place, found=f"outcome {outcome.word}", expected="outcome ok", remedy=f"{outcome.advice}.")
+
+
+class RangeWarning(UserWarning):
+    """A result outside the range in which its law was checked; published numbers may still be made with it."""

@@ -1,0 +1,124 @@
+"""Every physical quantity once: key, symbol, words, units.
+
+Plots, CSV headers, terminal tables and reports read this registry, so that a
+quantity is spelled the same wherever a user meets it.
+"""
+
+from dataclasses import dataclass
+
+from jshell.errors import BadName
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One physical quantity.
+
+    Attributes:
+        key: Name in files and JSON.
+        symbol: Symbol in print.
+        words: Name in words.
+        scale: Its unit inside jshell, as a formula of the scales.
+        dimension: `length`, `area`, `volume`, `time`, `pressure`, `frequency`, `speed`, `viscosity` or `none`.
+    """
+
+    key: str
+    symbol: str
+    words: str
+    scale: str
+    dimension: str
+
+    def label(self, unit: str | None = None) -> str:
+        """Axis label: words, symbol, and the unit where there is one."""
+        shown = unit if unit is not None else self.scale
+        tail = f" [{shown}]" if shown not in ("", "-") else ""
+        return f"{self.words} {self.symbol}{tail}"
+
+
+_TIME = "√(ρ R₀³/E d)"
+_ROWS = (
+    Quantity("t", "t", "time", _TIME, "time"),
+    Quantity("V", "V", "volume", "R₀³", "volume"),
+    Quantity("S", "S", "area", "R₀²", "area"),
+    Quantity("H", "H", "height along the axis", "R₀", "length"),
+    Quantity("W", "W", "width across the axis", "R₀", "length"),
+    Quantity("x_front", "x₁", "buckling pole", "R₀", "length"),
+    Quantity("x_back", "x₂", "opposite pole", "R₀", "length"),
+    Quantity("v_front", "ẋ₁", "velocity of the buckling pole", "√(E d/ρ R₀)", "speed"),
+    Quantity("v_back", "ẋ₂", "velocity of the opposite pole", "√(E d/ρ R₀)", "speed"),
+    Quantity("P", "P", "inner pressure", "E d/R₀", "pressure"),
+    Quantity("P_ext", "Pₑₓₜ", "outer pressure", "E d/R₀", "pressure"),
+    Quantity("kinetic", "T", "kinetic energy", "E d R₀²", "energy"),
+    Quantity("elastic", "Uₛ", "elastic energy", "E d R₀²", "energy"),
+    Quantity("gas", "U_g", "gas energy", "E d R₀²", "energy"),
+    Quantity("d_hat", "d̂", "thickness", "R₀", "length"),
+    Quantity("P0_hat", "P̂₀", "gas pressure of the stress-free sphere", "E d/R₀", "pressure"),
+    Quantity("Pext_hat", "P̂ₑₓₜ", "outer pressure", "E d/R₀", "pressure"),
+    Quantity("eta_hat", "η̂", "viscosity", "√(E d ρ R₀)", "viscosity"),
+    Quantity("kappa", "κ", "polytropic exponent", "-", "none"),
+    Quantity("nu", "ν", "Poisson ratio", "-", "none"),
+    Quantity("omega_minus", "ω₋", "slow frequency", "√(E d/ρ R₀³)", "frequency"),
+    Quantity("omega_plus", "ω₊", "fast frequency", "√(E d/ρ R₀³)", "frequency"),
+    Quantity("tau", "τ", "decay time", _TIME, "time"),
+    Quantity("alpha1", "α₁", "added-mass factor of the volume", "-", "none"),
+    Quantity("alpha2", "α₂", "added-mass factor of the area", "-", "none"),
+    Quantity("kVS", "k_VS", "volume-area coupling", "-", "none"),
+    Quantity("beta1", "β₁", "damping factor of the volume", "-", "none"),
+    Quantity("beta2", "β₂", "damping factor of the area", "-", "none"),
+)
+QUANTITIES: dict[str, Quantity] = {row.key: row for row in _ROWS}
+
+# Units a file may name in brackets: dimension and factor to SI.
+UNITS: dict[str, tuple[str, float]] = {
+    "s": ("time", 1.0),
+    "ms": ("time", 1e-3),
+    "us": ("time", 1e-6),
+    "µs": ("time", 1e-6),
+    "ns": ("time", 1e-9),
+    "m": ("length", 1.0),
+    "cm": ("length", 1e-2),
+    "mm": ("length", 1e-3),
+    "um": ("length", 1e-6),
+    "µm": ("length", 1e-6),
+    "nm": ("length", 1e-9),
+    "m^2": ("area", 1.0),
+    "mm^2": ("area", 1e-6),
+    "um^2": ("area", 1e-12),
+    "µm^2": ("area", 1e-12),
+    "m^3": ("volume", 1.0),
+    "mm^3": ("volume", 1e-9),
+    "mL": ("volume", 1e-6),
+    "um^3": ("volume", 1e-18),
+    "µm^3": ("volume", 1e-18),
+    "m/s": ("speed", 1.0),
+    "mm/s": ("speed", 1e-3),
+    "Pa": ("pressure", 1.0),
+    "kPa": ("pressure", 1e3),
+    "MPa": ("pressure", 1e6),
+    "bar": ("pressure", 1e5),
+    "J": ("energy", 1.0),
+}
+SI_UNIT = {
+    "time": "s",
+    "length": "m",
+    "area": "m^2",
+    "volume": "m^3",
+    "speed": "m/s",
+    "pressure": "Pa",
+    "energy": "J",
+}
+
+
+def quantity(key: str) -> Quantity:
+    """The registry's row for a key.
+
+    Raises:
+        BadName: The key is not in the registry.
+    """
+    if key not in QUANTITIES:
+        raise BadName(
+            f"quantity {key!r}",
+            found="no such key",
+            expected="one of " + ", ".join(QUANTITIES),
+            remedy="Check the spelling.",
+        )
+    return QUANTITIES[key]

@@ -1,0 +1,198 @@
+"""A shell, its gas, its liquid and its load: in SI, and as pure numbers.
+
+`Shell`, `Gas`, `Liquid` and `Load` carry SI. Everything inside jshell runs on
+`Reduced`, the same problem without units: lengths in R0, pressures in E d/R0,
+densities in rho_f, times in sqrt(rho_f R0³/(E d)). `Scales` leads back.
+
+Symbols    d̂ thickness   P̂0 gas pressure   P̂ext outer pressure   η̂ viscosity
+Source     Mokbel et al. 2021, section "Description of relevant parameters"
+"""
+
+from dataclasses import dataclass
+
+import equinox as eqx
+import jax
+import numpy as np
+
+from jshell.errors import BadValue
+
+Number = float | jax.Array | np.ndarray
+
+
+def _check(place: str, value: Number, expected: str, good) -> None:
+    """Refuse a concrete value outside its meaning; traced values pass."""
+    if isinstance(value, jax.core.Tracer) or not isinstance(value, int | float | np.ndarray | np.generic | jax.Array):
+        return  # under jit the caller has checked; a non-number is one of JAX's internal placeholders
+    numbers = np.asarray(value, dtype=float)
+    ok = np.isfinite(numbers) & good(numbers)
+    if not np.all(ok):
+        worst = float(numbers[~ok].ravel()[0])
+        raise BadValue(place, found=f"{worst:g}", expected=expected, remedy="Check the value and its unit.")
+
+
+def _positive(place: str, value: Number) -> None:
+    _check(place, value, "a finite number above 0", lambda x: x > 0)
+
+
+def _check_ratio(value: Number) -> None:
+    _check("poisson_ratio", value, "-1 < nu <= 0.5", lambda x: (x > -1) & (x <= 0.5))
+
+
+@dataclass(frozen=True)
+class Shell:
+    """A stress-free spherical shell.
+
+    Args:
+        radius: Midplane radius R0 [m].
+        thickness: Wall thickness d [m].
+        youngs_modulus: Young's modulus E [Pa].
+        poisson_ratio: Poisson ratio ν [-], -1 < ν <= 1/2.
+    """
+
+    radius: float
+    thickness: float
+    youngs_modulus: float
+    poisson_ratio: float = 0.5
+
+    def __post_init__(self) -> None:
+        _positive("radius [m]", self.radius)
+        _positive("thickness [m]", self.thickness)
+        _positive("youngs_modulus [Pa]", self.youngs_modulus)
+        _check_ratio(self.poisson_ratio)
+
+
+@dataclass(frozen=True)
+class Gas:
+    """The gas inside the stress-free shell: pressure P0 [Pa] and polytropic exponent κ [-]."""
+
+    pressure: float
+    kappa: float = 1.4
+
+    def __post_init__(self) -> None:
+        _positive("gas pressure [Pa]", self.pressure)
+        _check("kappa", self.kappa, "a number of at least 1", lambda x: x >= 1)
+
+
+@dataclass(frozen=True)
+class Liquid:
+    """The liquid outside: density ρ_f [kg/m³] and dynamic viscosity η_f [Pa s]."""
+
+    density: float = 1000.0
+    viscosity: float = 1e-3
+
+    def __post_init__(self) -> None:
+        _positive("density [kg/m^3]", self.density)
+        _check("viscosity [Pa s]", self.viscosity, "a finite number of at least 0", lambda x: x >= 0)
+
+
+@dataclass(frozen=True)
+class Load:
+    """The pressure far away in the liquid, P_ext [Pa]."""
+
+    pressure: float
+
+    def __post_init__(self) -> None:
+        _positive("outer pressure [Pa]", self.pressure)
+
+
+@dataclass(frozen=True)
+class Scales:
+    """SI value of each unit used inside jshell.
+
+    Attributes:
+        length: R0 [m].
+        pressure: E d/R0 [Pa].
+        density: ρ_f [kg/m³].
+    """
+
+    length: float
+    pressure: float
+    density: float
+
+    @property
+    def time(self) -> float:
+        """sqrt(ρ_f R0³/(E d)) [s]."""
+        return self.length * float(np.sqrt(self.density / self.pressure))
+
+    @property
+    def frequency(self) -> float:
+        """What ω̂ = 1 is in cycles per second [Hz]."""
+        return 1 / (2 * np.pi * self.time)
+
+    def of(self, dimension: str) -> float:
+        """SI value of one internal unit of a dimension (`length`, `volume`, …)."""
+        length, time, pressure = self.length, self.time, self.pressure
+        return {
+            "none": 1.0,
+            "length": length,
+            "area": length**2,
+            "volume": length**3,
+            "time": time,
+            "speed": length / time,
+            "pressure": pressure,
+            "energy": pressure * length**3,
+            "frequency": 1 / time,
+            "viscosity": pressure * time,
+        }[dimension]
+
+
+class Reduced(eqx.Module):
+    """One problem without units: four numbers and two exponents.
+
+    Args:
+        thickness: d̂ = d/R0 [-].
+        gas_pressure: P̂0, gas pressure of the stress-free sphere [E d/R0].
+        outer_pressure: P̂ext [E d/R0].
+        viscosity: η̂ = η_f/sqrt(E d ρ_f R0) [-].
+        kappa: Polytropic exponent of the gas [-].
+        poisson_ratio: ν [-], -1 < ν <= 1/2.
+
+    Raises:
+        BadValue: A number outside its meaning (checked on concrete numbers, not under `jit`).
+
+    Example:
+        >>> import jshell as js
+        >>> js.Reduced(0.22, 0.9, 1.6, 0.004).kappa
+        1.4
+    """
+
+    thickness: Number
+    gas_pressure: Number
+    outer_pressure: Number
+    viscosity: Number = 0.0
+    kappa: Number = 1.4
+    poisson_ratio: Number = 0.5
+
+    def __check_init__(self) -> None:
+        _check("thickness (d_hat)", self.thickness, "0 < d_hat < 1", lambda x: (x > 0) & (x < 1))
+        _positive("gas_pressure (P0_hat)", self.gas_pressure)
+        _positive("outer_pressure (Pext_hat)", self.outer_pressure)
+        _check("viscosity (eta_hat)", self.viscosity, "a finite number of at least 0", lambda x: x >= 0)
+        _check("kappa", self.kappa, "a number of at least 1", lambda x: x >= 1)
+        _check_ratio(self.poisson_ratio)
+
+    @staticmethod
+    def from_si(shell: Shell, gas: Gas, liquid: Liquid, load: Load) -> "Reduced":
+        """The same problem without units; `scales` gives the way back."""
+        unit = scales(shell, liquid)
+        return Reduced(
+            thickness=shell.thickness / shell.radius,
+            gas_pressure=gas.pressure / unit.pressure,
+            outer_pressure=load.pressure / unit.pressure,
+            viscosity=liquid.viscosity / unit.of("viscosity"),
+            kappa=gas.kappa,
+            poisson_ratio=shell.poisson_ratio,
+        )
+
+    def to_si(self, unit: Scales) -> tuple[Shell, Gas, Liquid, Load]:
+        """The SI problem that these numbers describe at given scales."""
+        thickness = float(self.thickness) * unit.length
+        shell = Shell(unit.length, thickness, unit.pressure * unit.length / thickness, float(self.poisson_ratio))
+        gas = Gas(float(self.gas_pressure) * unit.pressure, float(self.kappa))
+        liquid = Liquid(unit.density, float(self.viscosity) * unit.of("viscosity"))
+        return shell, gas, liquid, Load(float(self.outer_pressure) * unit.pressure)
+
+
+def scales(shell: Shell, liquid: Liquid) -> Scales:
+    """The units of length, pressure and density that remove a problem's dimensions."""
+    return Scales(shell.radius, shell.youngs_modulus * shell.thickness / shell.radius, liquid.density)
