@@ -4,7 +4,7 @@ from jshell import precision
 
 precision.ask_for_double()
 
-from jshell import quantities, shell  # noqa: E402
+from jshell import dynamics, membrane, quantities, shell  # noqa: E402
 from jshell.errors import JshellError, NotOk, Outcome, RangeWarning  # noqa: E402
 from jshell.shell import Gas, Liquid, Load, Reduced, Scales, Shell, presets  # noqa: E402
 from jshell.trace import Trace  # noqa: E402
@@ -12,5 +12,5 @@ from jshell.trace import Trace  # noqa: E402
 __version__ = "0.1.0"
 __all__ = [
     "Gas", "JshellError", "Liquid", "Load", "NotOk", "Outcome", "RangeWarning", "Reduced", "Scales", "Shell", "Trace",
-    "presets", "quantities", "shell",
+    "dynamics", "membrane", "presets", "quantities", "shell",
 ]  # fmt: skip

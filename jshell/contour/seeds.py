@@ -1,0 +1,75 @@
+"""Shapes to start from: the sphere, a mirrored dimple; and the weak spot that starts a dimple.
+
+Symbols    θ material angle [rad]   d̂ thickness [R0]
+Source     Landau and Lifshitz: a buckled cap is the sphere's mirror image; weak spot: the source's numerical method
+"""
+
+from dataclasses import dataclass
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jshell.contour.curve import Meridian
+from jshell.errors import BadValue
+from jshell.shell.elasticity import Scalar
+
+
+@dataclass(frozen=True)
+class WeakSpot:
+    """The wall is thinner around the buckling pole: thickness x (1 - depth exp(-(θ/width)²)).
+
+    Args:
+        depth: Relative loss of thickness at the pole [-], 0 <= depth < 1.
+        width: Angular width [rad].
+    """
+
+    depth: float = 0.15
+    width: float = 0.35
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.depth < 1:
+            raise BadValue("weak spot depth", found=repr(self.depth), expected="0 <= depth < 1", remedy="0.15 is usual.")
+        if not 0 < self.width <= 3:
+            raise BadValue("weak spot width", found=repr(self.width), expected="0 < width <= 3 rad", remedy="0.35 is usual.")
+
+
+NO_WEAK_SPOT = WeakSpot(0.0, 0.35)
+
+
+def wall_profile(shape: Meridian, spot: WeakSpot) -> Float[Array, "points"]:
+    """Thickness over its nominal value at the Gauss points [-]."""
+    return 1 - spot.depth * jnp.exp(-((shape.angles / spot.width) ** 2))
+
+
+def compressed_sphere(shape: Meridian, radius: Scalar) -> Float[Array, "coordinates"]:
+    """Coordinates of a sphere of another radius [R0], its back pole where the pad is, if there is one."""
+    moved = shape.sphere * radius
+    if shape.attached:
+        return shape.whole(shape.free(moved + (radius - 1) * _unit_shift(shape)), shape.sphere)
+    return moved
+
+
+def _unit_shift(shape: Meridian) -> Float[Array, "coordinates"]:
+    ones, zeros = jnp.ones(shape.x_size), jnp.zeros(shape.sphere.shape[0] - shape.x_size)
+    return jnp.concatenate([ones, zeros])
+
+
+def dimple(shape: Meridian, volume_ratio: Scalar, thickness: Scalar) -> Float[Array, "coordinates"]:
+    """Coordinates of a sphere whose cap is mirrored inwards, its rim rounded over the bending length.
+
+    Args:
+        volume_ratio: V/V0 wanted [-], about met.
+        thickness: d̂ [R0]; sets the width of the rim.
+    """
+    # removed volume 2 π h² (3 - h)/3 = (1 - V/V0) V0: Newton for the cap's height h
+    wanted = 2 * (1 - volume_ratio)
+    h = jnp.sqrt(wanted / 3)
+    for _ in range(6):
+        h = h - (h**2 * (3 - h) - wanted) / (6 * h - 3 * h**2)
+    fold = 1 - h
+    rim = 0.3 * jnp.sqrt(thickness) * jnp.sqrt(jnp.maximum(1 - fold**2, 1e-3))
+    x = jnp.cos(shape.angles)
+    folded = fold - jnp.sqrt((x - fold) ** 2 + rim**2)
+    coefficients = jnp.linalg.lstsq(shape.x_basis[0], folded)[0]
+    q = jnp.concatenate([coefficients, shape.sphere[shape.x_size :]])
+    return shape.whole(shape.free(q), shape.sphere)
