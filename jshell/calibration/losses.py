@@ -1,0 +1,195 @@
+"""How a trace is compared with the oscillator: two losses.
+
+*Strict*: V and S follow the oscillator's own motion. *Modal*: any channel is
+two decaying sinusoids whose amplitudes, phases and gain are its own, so that
+only ω-, ω+ and τ speak of the shell. What enters linearly, initial state and
+offsets or amplitudes, is eliminated: the residual is what the best linear
+parameters leave (variable projection).
+
+Symbols    p constants   c linear parameters   Φ(p) basis, data ≈ Φ(p) c
+Source     Mokbel et al. 2021: eq:eqmovadimV, eq:eqmovadimS, eq:defw;
+           Golub & Pereyra 1973 for the projection
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jshell.calibration.parameters import Unknowns
+from jshell.calibration.records import Record
+from jshell.oscillator.coefficients import Coefficients
+from jshell.oscillator.linear import (
+    frequencies_of_square,
+    matrices,
+    propagator,
+    state_matrix,
+    uniform_propagator,
+)
+from jshell.oscillator.simulate import integrate
+from jshell.shell.elasticity import moduli
+
+LOSSES = ("strict", "modal")
+STRICT_NAMES = ("alpha1", "alpha2", "k_vs", "beta1", "beta2")
+MODAL_NAMES = ("alpha1", "alpha2", "k_vs_squared")
+
+
+class Problem(eqx.Module):
+    """Records, and how they are to be compared with the oscillator.
+
+    Attributes:
+        records: One per trace.
+        loss: `strict` or `modal`.
+        solver: `exact` or `diffrax`.
+        dipole: Convention of beta2.
+        tied: Whether beta2 follows from equal decay.
+        adjoint: How the adaptive solver is differentiated, `forward` or `reverse`.
+        rtol: Its relative tolerance.
+        atol: Its absolute tolerance.
+    """
+
+    records: tuple[Record, ...]
+    loss: str = eqx.field(static=True)
+    solver: str = eqx.field(static=True, default="exact")
+    dipole: str = eqx.field(static=True, default="corrected")
+    tied: bool = eqx.field(static=True, default=True)
+    adjoint: str = eqx.field(static=True, default="forward")
+    rtol: float = eqx.field(static=True, default=1e-10)
+    atol: float = eqx.field(static=True, default=1e-12)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The constants, in order."""
+        if self.loss == "strict":
+            return STRICT_NAMES[:4] if self.tied else STRICT_NAMES
+        many = len(self.records) > 1
+        return (*MODAL_NAMES, *(f"tau[{i}]" if many else "tau" for i in range(1, len(self.records) + 1)))
+
+
+def bases(natural: Float[Array, " names"], problem: Problem) -> list[Float[Array, "data linear"]]:
+    """Weighted bases of the blocks that share linear parameters: one per trace (strict) or per channel (modal)."""
+    blocks = []
+    for number, record in enumerate(problem.records):
+        if problem.loss == "strict":
+            blocks.append(_strict_basis(natural, record, problem))
+        else:
+            plain = _modal_basis(natural[:3], natural[3 + number], record)
+            blocks += [row[:, None] * plain for row in record.weight]
+    return blocks
+
+
+def targets(problem: Problem) -> list[Float[Array, " data"]]:
+    """Weighted data of the same blocks."""
+    found = []
+    for record in problem.records:
+        rows = record.weight * record.data
+        found += [rows.ravel()] if problem.loss == "strict" else list(rows)
+    return found
+
+
+def projected(natural: Float[Array, " names"], problem: Problem) -> Float[Array, " data"]:
+    """Weighted residual with the best linear parameters."""
+    left = []
+    for basis, data in zip(bases(natural, problem), targets(problem), strict=True):
+        unit = basis / jax.lax.stop_gradient(jnp.linalg.norm(basis, axis=0, keepdims=True))
+        gram = unit.T @ unit
+        r = data
+        for _ in range(2):  # the second pass gives back the digits that normal equations lose
+            r = r - unit @ jnp.linalg.solve(gram, unit.T @ r)
+        left.append(-r)
+    return jnp.concatenate(left)
+
+
+def residual(u: jax.Array, args: tuple[Unknowns, Problem]) -> jax.Array:
+    """The same, of what the solver sees."""
+    space, problem = args
+    return projected(space.natural(u), problem)
+
+
+def trace_loss(natural: Float[Array, " names"], problem: Problem) -> Float[Array, ""]:
+    """Half the sum of squared weighted residuals, linear parameters eliminated; differentiable both ways."""
+    r = projected(natural, problem)
+    return 0.5 * (r @ r)
+
+
+def full_residual(
+    natural: Float[Array, " names"], linear: list[Float[Array, " linear"]], problem: Problem
+) -> Float[Array, " data"]:
+    """Weighted residual at given linear parameters, one list entry per block."""
+    rows = zip(bases(natural, problem), linear, targets(problem), strict=True)
+    return jnp.concatenate([basis @ c - data for basis, c, data in rows])
+
+
+def best_linear(natural: Float[Array, " names"], problem: Problem) -> tuple[list[np.ndarray], np.ndarray]:
+    """Linear parameters at given constants, and their design matrix (data, all linear parameters)."""
+    found, blocks = [], [np.asarray(basis) for basis in _compiled_bases(natural, problem)]
+    for basis, data in zip(blocks, targets(problem), strict=True):
+        found.append(np.linalg.lstsq(basis, np.asarray(data), rcond=None)[0])
+    design = np.zeros((sum(b.shape[0] for b in blocks), sum(b.shape[1] for b in blocks)))
+    row = column = 0
+    for basis in blocks:
+        design[row : row + basis.shape[0], column : column + basis.shape[1]] = basis
+        row, column = row + basis.shape[0], column + basis.shape[1]
+    return found, design
+
+
+_compiled_bases = eqx.filter_jit(bases)
+
+
+def linear_names(problem: Problem) -> list[str]:
+    """Names of the linear parameters, in the order of `best_linear`."""
+    names = []
+    for number, record in enumerate(problem.records, 1):
+        if problem.loss == "strict":
+            parts = ["ΔV", "ΔS", "dV/dt", "dS/dt", "V at rest", "S at rest"]
+        else:
+            waves = ("at rest", "slow cos", "slow sin", "fast cos", "fast sin")
+            parts = [f"{channel} {wave}" for channel in record.channels for wave in waves]
+        names += [f"{part} [{number}]" for part in parts]
+    return names
+
+
+def strict_coefficients(natural: Float[Array, " names"], problem: Problem) -> Coefficients:
+    """The oscillator's constants of the strict loss."""
+    beta2 = None if problem.tied else natural[4]
+    return Coefficients(natural[0], natural[1], natural[2], natural[3], beta2, problem.dipole)
+
+
+def _strict_basis(natural: jax.Array, record: Record, problem: Problem) -> Float[Array, "data 6"]:
+    """Motion of V, then S, from each unit of the initial state; and a constant for each."""
+    system = matrices(strict_coefficients(natural, problem), record.state, record.conditions)
+    count = record.elapsed.size
+    if problem.solver == "diffrax":
+        options = (problem.rtol, problem.atol, problem.adjoint)
+        motion, _ = integrate(_advance, jnp.eye(4), record.elapsed, state_matrix(system), options)
+    elif record.uniform:
+        motion = uniform_propagator(system, record.elapsed[-1] / (count - 1), count)
+    else:
+        motion = propagator(system, record.elapsed)
+    constant = jnp.broadcast_to(jnp.eye(2)[:, None, :], (2, count, 2))
+    both = jnp.concatenate([jnp.moveaxis(motion[:, :2, :], 1, 0), constant], axis=2)
+    return (record.weight[:, :, None] * both).reshape(2 * count, 6)
+
+
+def _advance(t, y, A):
+    return A @ y
+
+
+def pulsations(constants: Float[Array, "3"], record: Record) -> Float[Array, "2"]:
+    """Squared ω-, ω+ of a record's shell; constants (alpha1, alpha2, k_vs_squared)."""
+    V, P = record.state
+    K_A = moduli(record.conditions.thickness, record.conditions.poisson_ratio).area
+    return frequencies_of_square(
+        V, P, constants[0], constants[1], constants[2], kappa=record.conditions.kappa, area_modulus=K_A
+    )
+
+
+def _modal_basis(constants: jax.Array, tau: jax.Array, record: Record) -> Float[Array, "times 5"]:
+    """A constant and two decaying sinusoids; Ω² = ω² - 1/τ², kept above a ten-thousandth."""
+    frequency = jnp.sqrt(jnp.maximum(pulsations(constants, record) - 1 / tau**2, 1e-4))
+    t = record.elapsed
+    decay = jnp.exp(-t / tau)
+    slow, fast = frequency[0] * t, frequency[1] * t
+    waves = [jnp.ones_like(t), decay * jnp.cos(slow), decay * jnp.sin(slow), decay * jnp.cos(fast)]
+    return jnp.stack([*waves, decay * jnp.sin(fast)], axis=1)

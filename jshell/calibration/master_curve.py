@@ -1,0 +1,270 @@
+"""The three constants from frequencies of many shells: the source's master curve.
+
+Every shape gives two numbers, ω- and ω+, for three constants: one shape leaves
+a direction of them free, two shapes or pressures do not. The start comes from
+the data: the sum of the squared frequencies is linear in 1/α1 and 1/α2, their
+product gives k_VS².
+
+Symbols    ω-, ω+ pulsations [sqrt(E d/(ρ_f R0³))]   V_e volume [R0³], P_e pressure [E d/R0] at rest
+Valid for  undamped frequencies, ω² = Ω² + 1/τ²
+Source     Mokbel et al. 2021: eq:defw, fig:w
+"""
+
+import warnings
+from collections.abc import Mapping
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jshell.calibration.frequency_table import Frequencies, Prepared, prepare
+from jshell.calibration.least_squares import Ending, best_of, from_many_starts, value_and_jacobian
+from jshell.calibration.parameters import Unknowns, unknowns
+from jshell.calibration.report import Estimate, FitResult, FitWarning, starts_of
+from jshell.calibration.uncertainty import in_words, uncertainty
+from jshell.errors import BadName, BadValue, Outcome, RangeWarning
+from jshell.oscillator.linear import frequencies_of_square
+
+NAMES = ("alpha1", "alpha2", "k_vs_squared")
+SHOWN = ("alpha1", "alpha2", "k_vs")
+POSITIVE = frozenset({"alpha1", "alpha2"})
+WEIGHTINGS = ("V_e omega", "V_e^2 omega^2")
+SQUARE_ONLY = "frequencies determine k_VS² only: k_vs is reported positive, its sign is not known"
+SECOND_SHAPE = "add a second pressure or shape, or fix alpha2"
+
+
+def model(natural: Float[Array, "3"], rows: Frequencies) -> Float[Array, "shells 2"]:
+    """V_e² ω² of every row (eq:defw), slow first; negative where unstable."""
+
+    def one(V, P, kappa, K_A):
+        return V**2 * frequencies_of_square(V, P, natural[0], natural[1], natural[2], kappa=kappa, area_modulus=K_A)
+
+    arrays = (jnp.asarray(x) for x in (rows.volume, rows.pressure, rows.kappa, rows.area_modulus))
+    return jax.vmap(one)(*arrays)
+
+
+def _residual(u: jax.Array, args: tuple[Unknowns, Frequencies, str]) -> jax.Array:
+    free, rows, weighting = args
+    return weighted(free.natural(u), rows, weighting)
+
+
+def weighted(natural: jax.Array, rows: Frequencies, weighting: str) -> Float[Array, " data"]:
+    """Residual of every frequency, 0 where it is missing.
+
+    In V_e ω the square root is continued by its tangent below a hundredth of
+    the datum, so that a start with an unstable slow mode finds its way back.
+    """
+    V = jnp.asarray(rows.volume)[:, None]
+    measured = jnp.isfinite(rows.omega)
+    omega = jnp.where(measured, rows.omega, 1.0)
+    found = model(natural, rows)
+    if weighting == "V_e omega":
+        floor = 0.01 * (V * omega) ** 2
+        root = jnp.sqrt(jnp.maximum(found, floor))
+        r = (root + jnp.minimum(found - floor, 0.0) / (2 * jnp.sqrt(floor)) - V * omega) / (rows.sigma * _unit(V, rows))
+    else:
+        r = (found - (V * omega) ** 2) / (rows.sigma * _unit(2 * V**2 * omega, rows))
+    return jnp.where(measured, r, 0.0).ravel()
+
+
+def _unit(slope: jax.Array, rows: Frequencies) -> jax.Array:
+    """How an error of ω becomes one of the residual; 1 where errors are unknown (σ = 1 everywhere)."""
+    known = jnp.any(jnp.asarray(rows.sigma) != 1.0)
+    return jnp.where(known, slope, jnp.ones_like(slope))
+
+
+def start_from_data(rows: Frequencies, fix: Mapping[str, float] | None = None) -> np.ndarray:
+    """Constants from sums and products of the squared frequencies: (alpha1, alpha2, k_vs_squared).
+
+    Rows with both frequencies: V²(ω-² + ω+²) = A/α1 + B/α2 is a line in the
+    inverse masses, and V⁴ω-²ω+² = (AB - 18π⁴ k²)/(α1 α2) then gives k². The
+    share of the volume motion in the sum is scanned, and the best taken; where
+    rows do not tell the masses apart, volume and area motion share the sum.
+    """
+    fix = fix or {}
+    V, P, kappa, K_A = (np.asarray(x) for x in (rows.volume, rows.pressure, rows.kappa, rows.area_modulus))
+    A, B = 4 * np.pi * kappa * P * V, 9 * np.pi**2 * K_A / 8
+    y = (V[:, None] * np.asarray(rows.omega)) ** 2
+    both = np.isfinite(y).all(axis=1)
+    if not both.any():  # one frequency per shell: let each motion alone explain it
+        mean = np.nanmean(y)
+        return np.array([fix.get("alpha1", A.mean() / mean), fix.get("alpha2", B.mean() / mean), 0.01])
+
+    A, B, y = A[both], B[both], y[both]
+    total, product = y.sum(axis=1), y.prod(axis=1)
+    best, lowest = np.ones(3), np.inf
+    for share in np.linspace(0.05, 0.95, 37):
+        if "alpha1" in fix:
+            x1 = 1 / fix["alpha1"]
+        elif "alpha2" in fix:
+            x1 = np.mean((total - B / fix["alpha2"]) / A)
+        else:
+            x1 = share * np.mean(total / A)
+        x1 = max(x1, 0.02 * np.mean(total / A))
+        x2 = 1 / fix["alpha2"] if "alpha2" in fix else max(np.mean((total - A * x1) / B), 0.02 * np.mean(total / B))
+        k2 = fix.get("k_vs_squared", max(np.mean((A * B - product / (x1 * x2)) / (18 * np.pi**4)), 1e-3))
+        a, b = A * x1, B * x2
+        fast = (a + b) / 2 + np.sqrt((a - b) ** 2 / 4 + 18 * np.pi**4 * k2 * x1 * x2)
+        slow = np.maximum(a * b - 18 * np.pi**4 * k2 * x1 * x2, 0) / fast
+        gap = np.sqrt(np.stack([slow, fast], axis=1)) - np.sqrt(y)
+        cost = np.sum(gap**2) / np.sum(y) + 1e-9 * (share - 0.6) ** 2  # ties, as with one shape, go near the middle
+        if cost < lowest:
+            best, lowest = np.array([1 / x1, 1 / x2, k2]), cost
+    return best
+
+
+def fit_frequencies(
+    table: Mapping[str, object],
+    weighting: str = "V_e omega",
+    *,
+    fix: Mapping[str, float] | None = None,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    starts: int = 10,
+    seed: int = 0,
+) -> FitResult:
+    """Fit α1, α2 and k_VS to frequencies of one or many shells.
+
+    Args:
+        table: Columns by name, see `prepare`.
+        weighting: What is fitted: `V_e omega` or `V_e^2 omega^2`, unweighted unless the table has errors.
+        fix: Values of constants not to be fitted: `alpha1`, `alpha2`, `k_vs`.
+        bounds: Lowest and highest value of constants.
+        starts: Random starts around the one that the data give; all must end in the same minimum.
+        seed: Of the random starts.
+
+    Returns:
+        Outcome ok; rank_deficient with the free direction when the rows do not
+        determine the constants; stalled when starts disagree; at_bound.
+
+    Raises:
+        BadName: No such weighting, column or constant.
+
+    Source:
+        eq:defw; the weighting decides the constants at the level of tens of percent.
+    """
+    if weighting not in WEIGHTINGS:
+        raise BadName(
+            f"weighting {weighting!r}",
+            found="no such weighting",
+            expected=" or ".join(WEIGHTINGS),
+            remedy="Choose one.",
+        )
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", RangeWarning)
+        ready = prepare(table)
+    _again(caught)
+    rows = ready.rows
+    squared = _squared(fix)
+    space = unknowns(NAMES, POSITIVE, squared, _square_bounds(bounds))
+
+    first = start_from_data(rows, squared)
+    natural = scatter(first, starts, seed)
+    measured = int(np.isfinite(rows.omega).sum())
+    if measured == 0:
+        raise BadValue("table", found="no usable frequency", expected="at least one", remedy="Check the columns.")
+    args = (space, rows, weighting)
+    ending = from_many_starts(_residual, args, jnp.asarray(space.seen(natural)), *_limits(space))
+    power = 2 if weighting == "V_e omega" else 4
+    unit = V_size(rows) ** power
+    return _result(ready, space, weighting, ending, natural, measured, unit, [str(w.message) for w in caught])
+
+
+def V_size(rows: Frequencies) -> float:
+    """A typical V_e ω, the scale of the residual."""
+    return float(np.sqrt(np.nansum((np.asarray(rows.volume)[:, None] * np.asarray(rows.omega)) ** 2)))
+
+
+def scatter(first: np.ndarray, count: int, seed: int) -> np.ndarray:
+    """The start from the data, and random ones around it: masses by factors of about 1.6, k² of about 2.5."""
+    random = np.random.default_rng(seed)
+    spread = np.array([0.5, 0.5, 0.9])
+    return np.vstack([first, first * np.exp(spread * random.standard_normal((count, first.size)))])
+
+
+def _limits(space: Unknowns) -> tuple[jax.Array, jax.Array]:
+    return jnp.asarray(space.low), jnp.asarray(space.high)
+
+
+def _squared(fix: Mapping[str, float] | None) -> dict[str, float]:
+    return {("k_vs_squared" if k == "k_vs" else k): (v**2 if k == "k_vs" else v) for k, v in (fix or {}).items()}
+
+
+def _square_bounds(bounds: Mapping[str, tuple[float, float]] | None) -> dict[str, tuple[float, float]]:
+    found = {key: value for key, value in (bounds or {}).items() if key != "k_vs"}
+    low, high = (bounds or {}).get("k_vs", (0.0, np.inf))
+    return {**found, "k_vs_squared": (max(low, 0.0) ** 2, high**2)}
+
+
+def _again(caught: list) -> None:
+    for text in {str(w.message) for w in caught}:
+        warnings.warn(text, RangeWarning, stacklevel=3)
+
+
+def _result(
+    ready: Prepared,
+    space: Unknowns,
+    weighting: str,
+    ending: Ending,
+    natural: np.ndarray,
+    measured: int,
+    size: float,
+    caught: list[str],
+) -> FitResult:
+    rows = ready.rows
+    best, same = best_of(ending, size)
+    values = np.asarray(space.natural(ending.unknowns[best]))
+    shown = values.copy()
+    shown[2] = np.sqrt(max(values[2], 0.0))
+
+    r, J = value_and_jacobian(lambda p: weighted(p, rows, weighting), jnp.asarray(values))
+    J = np.array(J)
+    J[:, 2] *= 2 * shown[2]
+    free = [NAMES.index(name) for name in space.free]
+    names = tuple(SHOWN[i] for i in free)
+    errors = uncertainty(J[:, free], np.asarray(r), shown[free], count=measured, absolute=ready.absolute)
+
+    outcome = Outcome(int(ending.outcome[best]))
+    # k_VS² = 0 holds a second minimum of its own, volume the slow motion where it should be the fast one
+    uncoupled = ~same & (np.asarray(ending.outcome) == Outcome.AT_BOUND) & (outcome == Outcome.OK)
+    texts = list(caught)
+    directions = tuple(in_words(direction, names) for direction in errors.null)
+    if directions and outcome in (Outcome.OK, Outcome.AT_BOUND) and shown[2] > 0:
+        outcome = Outcome.RANK_DEFICIENT
+        directions = tuple(f"{text} changes no frequency of the table: {SECOND_SHAPE}" for text in directions)
+    elif not (same | uncoupled).all():
+        outcome = Outcome.STALLED if outcome == Outcome.OK else outcome
+        texts.append(f"only {same.sum()} of {len(same)} starts ended in the best minimum")
+        warnings.warn(texts[-1], FitWarning, stacklevel=3)
+    notes = [*ready.notes, SQUARE_ONLY]
+    if uncoupled.any():
+        notes.append(f"{uncoupled.sum()} starts ended higher, at k_VS = 0 with the roles of the two masses exchanged")
+    if outcome == Outcome.AT_BOUND and shown[2] == 0 and "k_vs_squared" in space.free:
+        texts.append("k_VS² ended at 0: the frequencies would have it negative")
+
+    estimates = []
+    for i, name in enumerate(SHOWN):
+        if i not in free:
+            estimates.append(Estimate(name, float(shown[i]), role="fixed"))
+            continue
+        j = free.index(i)
+        start = np.sqrt(natural[best, 2]) if name == "k_vs" else natural[best, i]
+        estimates.append(Estimate(name, float(shown[i]), float(errors.stderr[j]), errors.reasons[j], float(start)))
+    return FitResult(
+        title=f"Master curve of {rows.omega.shape[0]} shells, residual in {weighting}",
+        outcome=outcome,
+        estimates=tuple(estimates),
+        derived=(),
+        covariance=errors.covariance,
+        correlation=errors.correlation,
+        varied=names,
+        residual=np.asarray(r),
+        chi_square=float(r @ r),
+        n_data=measured,
+        n_varied=len(names),
+        absolute=ready.absolute,
+        free_directions=directions,
+        starts=starts_of(ending, natural, same),
+        notes=tuple(notes),
+        warnings=tuple(texts),
+    )

@@ -1,0 +1,205 @@
+"""The constants from traces: the door of the trace fits.
+
+Symbols    α1, α2, k_VS, β1, β2 constants [-]   ω-, ω+ pulsations, τ decay time
+Valid for  small oscillations about a buckled rest state; channels and losses as `losses` says
+Source     Mokbel et al. 2021: eq:eqmovadimV, eq:eqmovadimS, eq:defw
+"""
+
+import warnings
+from collections.abc import Mapping, Sequence
+
+import jax.numpy as jnp
+import numpy as np
+
+from jshell.calibration.frequency_table import Frequencies
+from jshell.calibration.least_squares import from_many_starts
+from jshell.calibration.losses import LOSSES, Problem, residual
+from jshell.calibration.master_curve import start_from_data
+from jshell.calibration.parameters import unknowns
+from jshell.calibration.records import EQUILIBRIA, Record, chosen_channels, record, rest_state, windowed
+from jshell.calibration.report import FitResult, FitWarning
+from jshell.calibration.starts import Modes, blind_start, find_modes, strict_start
+from jshell.calibration.verdict import trace_result
+from jshell.errors import BadName, BadValue
+from jshell.oscillator.coefficients import dipole_dissipation, tied_beta2
+from jshell.oscillator.simulate import SOLVERS
+from jshell.trace import Trace
+
+POSITIVE = frozenset({"alpha1", "alpha2", "beta1", "beta2"})
+BETA2 = ("equal_decay", "free")
+
+
+def fit_trajectories(
+    traces: Trace | Sequence[Trace],
+    loss: str | None = None,
+    *,
+    solver: str = "exact",
+    equilibrium: str = "plateau",
+    fix: Mapping[str, float] | None = None,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    channels: Sequence[str] | None = None,
+    start: float | None = None,
+    stop: float | None = None,
+    beta2: str = "equal_decay",
+    dipole: str = "corrected",
+    starts: int = 3,
+    seed: int = 0,
+) -> FitResult:
+    """Fit the short model to one or many traces with shared constants.
+
+    Args:
+        traces: With conditions; every trace keeps its own initial state or amplitudes.
+        loss: `strict`: V and S follow the oscillator (alpha1, alpha2, k_vs of either sign, beta1);
+            `modal`: only ω-, ω+ and τ of any channel count. None takes strict for V and S, modal otherwise.
+        solver: `exact` propagator, or `diffrax` (strict only).
+        equilibrium: Rest state from the `plateau` law, or from where each `trace` settles.
+        fix: Values of constants not to be fitted.
+        bounds: Lowest and highest value of constants.
+        channels: Those to read; None reads all that the traces share.
+        start: First time read, in the traces' own time.
+        stop: Last time read.
+        beta2: `equal_decay` ties it to beta1; `free` fits it (strict only).
+        dipole: Convention of beta2, `corrected` or `printed`.
+        starts: Random starts beside the one that a matrix pencil gives.
+        seed: Of the random starts.
+
+    Returns:
+        Outcome ok; rank_deficient, with the free direction and what would fix
+        it, where the traces do not determine the constants; not_converged,
+        stalled or at_bound. Warnings name a model that does not describe the data.
+
+    Raises:
+        BadName: An option, channel or constant that does not exist here.
+        BadValue: A trace without conditions, buckled state or, for beta1, viscosity.
+    """
+    for place, value, known in (
+        ("loss", loss, (None, *LOSSES)),
+        ("solver", solver, SOLVERS),
+        ("equilibrium", equilibrium, EQUILIBRIA),
+        ("beta2", beta2, BETA2),
+    ):
+        if value not in known:
+            raise BadName(
+                f"{place} {value!r}",
+                found="no such choice",
+                expected=" or ".join(map(str, known)),
+                remedy="Choose one.",
+            )
+    dipole_dissipation(dipole)
+    cut = windowed(traces, start, stop)
+    loss, names = chosen_channels(cut, loss, channels)
+    if loss == "modal" and (solver != "exact" or beta2 != "equal_decay"):
+        raise BadName(
+            "solver, beta2",
+            found="a choice the modal loss does not have",
+            expected="solver 'exact', beta2 'equal_decay'",
+            remedy="The modal loss integrates nothing, and has one decay time per trace.",
+        )
+    ready, modes, texts = _prepare(cut, names, equilibrium)
+    problem = Problem(tuple(ready), loss, solver, dipole, beta2 == "equal_decay")
+    fixed = _fixed(fix, problem)
+    positive = POSITIVE | {name for name in problem.names if name.startswith("tau")}
+    limits = dict(bounds or {})
+    if loss == "modal":
+        low, high = limits.pop("k_vs", (0.0, np.inf))
+        limits["k_vs_squared"] = (max(low, 0.0) ** 2, high**2)
+    space = unknowns(problem.names, positive, fixed, limits)
+
+    natural = _starts(problem, modes, fixed, starts, seed)
+    low, high = jnp.asarray(space.low), jnp.asarray(space.high)
+    ending = from_many_starts(residual, (space, problem), jnp.asarray(space.seen(natural)), low, high)
+    absolute = all(name in trace.sigma for trace in cut for name in names)
+    result = trace_result(problem, space, ending, natural, cut, absolute, texts)
+    for text in result.warnings:
+        warnings.warn(text, FitWarning, stacklevel=2)
+    return result
+
+
+def prepare(
+    traces: Trace | Sequence[Trace],
+    loss: str | None = None,
+    *,
+    solver: str = "exact",
+    equilibrium: str = "plateau",
+    channels: Sequence[str] | None = None,
+    adjoint: str = "forward",
+) -> Problem:
+    """The problem that `fit_trajectories` solves, for those who bring their own minimiser or want its gradients."""
+    cut = windowed(traces, None, None)
+    loss, names = chosen_channels(cut, loss, channels)
+    ready, _, _ = _prepare(cut, names, equilibrium)
+    return Problem(tuple(ready), loss, solver, adjoint=adjoint)
+
+
+def _prepare(
+    cut: list[Trace], names: tuple[str, ...], equilibrium: str
+) -> tuple[list[Record], list[Modes | None], list[str]]:
+    """Records with rest states, their modes, and warnings."""
+    given = [name in trace.sigma for trace in cut for name in names]
+    if any(given) and not all(given):
+        raise BadValue("sigma", found="σ for some channels", expected="for all or none", remedy="Complete it.")
+    ready, modes, texts = [], [], []
+    for number, trace in enumerate(cut, 1):
+        times = np.asarray(trace.times, dtype=float)
+        found = find_modes(times - times[0], np.stack([np.asarray(trace[name], dtype=float) for name in names]))
+        offset = None
+        if "V" in names:
+            index = names.index("V")
+            offset = float(np.mean(trace["V"])) if found is None else float(found.offsets[index])
+        state, more = rest_state(trace, offset, equilibrium, number)
+        ready.append(record(trace, names, state))
+        modes.append(found)
+        texts += more
+    return ready, modes, list(dict.fromkeys(texts))
+
+
+def _fixed(fix: Mapping[str, float] | None, problem: Problem) -> dict[str, float]:
+    """Fixed constants under the solver's names; beta1 needs a viscosity to be free."""
+    fixed = dict(fix or {})
+    if problem.loss == "modal" and "k_vs" in fixed:
+        fixed["k_vs_squared"] = fixed.pop("k_vs") ** 2
+    viscous = any(float(one.conditions.viscosity) > 0 for one in problem.records)
+    if problem.loss == "strict" and "beta1" not in fixed and not viscous:
+        raise BadValue(
+            "viscosity",
+            found="0 in every trace",
+            expected="a viscosity, which beta1 multiplies",
+            remedy='Give the viscosity, or fix={"beta1": 0.0}.',
+        )
+    return fixed
+
+
+def _starts(problem: Problem, modes: list[Modes | None], fixed: dict[str, float], count: int, seed: int) -> np.ndarray:
+    """(starts, names): one from the modes, others scattered around it; blind draws where no modes are found."""
+    random = np.random.default_rng(seed)
+    records = list(problem.records)
+    heard = [(one, found) for one, found in zip(records, modes, strict=True) if found is not None]
+    if problem.loss == "strict":
+        if not heard:
+            rows = np.stack([blind_start(random, records) for _ in range(4 * (count + 1))])
+        else:
+            first = strict_start([one for one, _ in heard], [found for _, found in heard], fixed)
+            noise = random.standard_normal((count, 4))
+            moved = first * np.exp(np.array([0.2, 0.2, 0.0, 0.2]) * noise)
+            moved[:, 2] += 0.1 * noise[:, 2]
+            rows = np.vstack([first, moved])
+        if not problem.tied:
+            b2 = tied_beta2(rows[:, 0], rows[:, 1], rows[:, 3], problem.dipole)
+            rows = np.column_stack([rows, b2])
+        return rows
+
+    tau = np.array([8.0 if found is None else found.tau for found in modes])
+    if heard:
+        table = Frequencies(
+            np.array([float(one.state.volume) for one, _ in heard]),
+            np.array([float(one.state.pressure) for one, _ in heard]),
+            np.array([float(one.conditions.kappa) for one, _ in heard]),
+            np.array([0.5 / (1 - float(one.conditions.poisson_ratio)) for one, _ in heard]),
+            np.array([np.sqrt(found.squared) for _, found in heard]),
+            np.ones((len(heard), 2)),
+        )
+        first = np.append(start_from_data(table, fixed), tau)
+        spread = np.full(first.size, 0.1)
+        return np.vstack([first, first * np.exp(spread * random.standard_normal((count, first.size)))])
+    drawn = [blind_start(random, records)[:3] ** np.array([1, 1, 2]) for _ in range(4 * (count + 1))]
+    return np.stack([np.append(one, tau) for one in drawn])

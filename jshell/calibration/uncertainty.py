@@ -1,0 +1,96 @@
+"""How well data determine parameters: covariance, and directions they leave free.
+
+The covariance is (JᵀJ)⁻¹, from the singular values of J with every column
+scaled to length one, so that units do not decide what counts as singular.
+Where a direction is free, the parameters in it get no error, with a reason.
+
+Symbols    J = ∂r/∂p Jacobian of the weighted residual   χ² sum of squares
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+# Below this ratio of singular values a direction is free: exact Jacobians leave 1e-15 there.
+SINGULAR = 1e-9
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """Errors of parameters.
+
+    Attributes:
+        stderr: Standard errors, NaN where there is none.
+        covariance: Their covariance, scaled as `absolute` says.
+        correlation: Correlations, NaN beside a missing error.
+        reasons: Why an error is missing; empty where it is not.
+        null: (directions, parameters) orthonormal changes that leave the fit as it is, relative to each parameter.
+        reduced: χ² over the degrees of freedom.
+    """
+
+    stderr: np.ndarray
+    covariance: np.ndarray
+    correlation: np.ndarray
+    reasons: tuple[str, ...]
+    null: np.ndarray
+    reduced: float
+
+
+def uncertainty(
+    jacobian: np.ndarray, residual: np.ndarray, values: np.ndarray, *, count: int | None = None, absolute: bool
+) -> Uncertainty:
+    """Errors of parameters at a minimum.
+
+    Args:
+        jacobian: (data, parameters) of the weighted residual.
+        residual: (data,) weighted.
+        values: (parameters,) at the minimum.
+        count: Number of data; None counts the residual.
+        absolute: The weights are known errors; else the covariance is scaled by the reduced χ².
+    """
+    J, p = np.asarray(jacobian), np.asarray(values, dtype=float)
+    total = J.shape[0] if count is None else count
+    chi_square = float(residual @ residual)
+    reduced = chi_square / max(1, total - p.size)
+
+    length = np.linalg.norm(J, axis=0)
+    no_effect = ~(length > 0)
+    scale = np.where(no_effect, 1.0, length)
+    rows = np.vstack([J / scale, np.zeros((max(0, p.size - J.shape[0]), p.size))])
+    _, s, vt = np.linalg.svd(rows, full_matrices=False)
+    free = s <= SINGULAR * s[0]
+    inverse = np.where(free, 0.0, 1 / np.where(free, 1.0, s))
+
+    half = (vt.T * inverse) / scale[:, None]
+    covariance = half @ half.T * (1.0 if absolute else reduced)
+    in_null = (vt[free] ** 2).sum(axis=0) > 1e-12
+    exact = not absolute and total <= p.size - free.sum()
+    stderr = np.where(in_null | exact, np.nan, np.sqrt(np.diag(covariance)))
+    safe = np.where(stderr > 0, stderr, np.nan)
+    correlation = covariance / np.outer(safe, safe)
+
+    null = vt[free] / scale / np.where(p == 0, 1.0, np.abs(p))
+    null = null / np.linalg.norm(null, axis=1, keepdims=True) if len(null) else null
+    reasons = tuple(
+        "the data do not depend on it"
+        if dead
+        else "the data leave a combination with it free"
+        if lost
+        else "no more data than parameters, so no scatter to scale it by: give σ"
+        if exact
+        else ""
+        for dead, lost in zip(no_effect, in_null, strict=True)
+    )
+    return Uncertainty(stderr, covariance, correlation, reasons, null, reduced)
+
+
+def in_words(direction: np.ndarray, names: tuple[str, ...]) -> str:
+    """A free direction as relative changes, largest first."""
+    d = direction * np.sign(direction[np.argmax(np.abs(direction))])
+    order = [i for i in np.argsort(-np.abs(d)) if abs(d[i]) > 1e-3]
+    return ", ".join(f"{names[i]} {100 * d[i] / abs(d[order[0]]):+.0f}%" for i in order)
+
+
+def propagate(gradient: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """Standard errors of functions with a (functions, parameters) gradient."""
+    return np.sqrt(np.einsum("fi,ij,fj->f", gradient, covariance, gradient).clip(0))

@@ -1,0 +1,168 @@
+"""Small oscillations of the buckled shell about its rest state.
+
+Two coordinates, volume and area, obey M q'' + C q' + K q = 0. This module
+holds the three matrices, the closed form of the two undamped frequencies, the
+damped modes, and the exact motion.
+
+Symbols    V volume [R0³]   S area [R0²]   P inner pressure [E d/R0]
+           w2 squared frequency [E d/(ρ_f R0³)]   τ decay time [sqrt(ρ_f R0³/(E d))]
+Valid for  small amplitude, buckled rest state of nearly uncompressed area,
+           light damping (η << 1)
+Source     Mokbel et al. 2021: eq:eqmovadimV, eq:eqmovadimS, eq:defw, eq:limstab.
+           For ν ≠ 1/2 the wall's stiffness 1/4π carries K_A = 1/(2(1-ν)).
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Complex, Float
+
+from jshell.oscillator.coefficients import Coefficients, dipole_dissipation
+from jshell.shell.elasticity import Scalar, moduli
+from jshell.shell.parameters import Reduced
+from jshell.shell.rest import RestState
+
+
+class Matrices(eqx.Module):
+    """Mass, damping and stiffness of (ΔV, ΔS): M q'' + C q' + K q = 0."""
+
+    mass: Float[Array, "2 2"]
+    damping: Float[Array, "2 2"]
+    stiffness: Float[Array, "2 2"]
+
+
+def matrices(coefficients: Coefficients, state: RestState, conditions: Reduced) -> Matrices:
+    """The matrices of the linear model at a rest state.
+
+    Source:
+        eq:eqmovadimV, eq:eqmovadimS; with the corrected dipole the damping of
+        the area is 4 β2 V²/π³, printed 16 β2 V²/(5π³).
+    """
+    V, P = state
+    c = coefficients
+    K_A = moduli(conditions.thickness, conditions.poisson_ratio).area
+
+    mass = jnp.stack([jnp.asarray(c.alpha1 / (4 * jnp.pi)), 2 * c.alpha2 * V**2 / (9 * jnp.pi**3)])
+    dipole = 2 * dipole_dissipation(c.dipole) * 4 * V**2 / (3 * jnp.pi**2)
+    damping = conditions.viscosity * jnp.stack([jnp.asarray(c.beta1 / jnp.pi), c.area_damping * dipole])
+
+    gas = conditions.kappa * P / V
+    coupling = c.k_vs / V
+    wall = jnp.broadcast_to(jnp.asarray(K_A / (4 * jnp.pi)), gas.shape)
+    stiffness = jnp.stack([jnp.stack([gas, coupling]), jnp.stack([coupling, wall])])
+    return Matrices(jnp.diag(mass), jnp.diag(damping), stiffness)
+
+
+def squared_frequencies(
+    volume: Scalar,
+    pressure: Scalar,
+    alpha1: Scalar,
+    alpha2: Scalar,
+    k_vs: Scalar,
+    *,
+    kappa: Scalar = 1.4,
+    area_modulus: Scalar = 1.0,
+) -> Float[Array, "2"]:
+    """Squared frequencies of the two undamped modes, slow mode first.
+
+    Volume alone would oscillate at `a`, area alone at `b`; `c` couples them.
+    The slow root is taken from the product of the roots, so no digits are
+    lost when the two modes are far apart.
+
+    Args:
+        volume: Volume at rest [R0³].
+        pressure: Inner pressure at rest [E d/R0].
+        alpha1: Added-mass factor of the volume motion [-].
+        alpha2: Added-mass factor of the area motion [-].
+        k_vs: Volume-area coupling [-].
+        kappa: Polytropic exponent of the gas [-].
+        area_modulus: K_A = 1/(2(1-ν)) [E d].
+
+    Returns:
+        Slow and fast squared frequencies [E d/(ρ_f R0³)]. The slow one
+        is negative where the buckled state is unstable (eq:limstab).
+
+    Source:
+        eq:defw; large-pressure limits eq:MinBuck and eq:omega-lim.
+    """
+    k2 = jnp.square(jnp.asarray(k_vs))
+    return frequencies_of_square(volume, pressure, alpha1, alpha2, k2, kappa=kappa, area_modulus=area_modulus)
+
+
+def frequencies_of_square(
+    volume: Scalar,
+    pressure: Scalar,
+    alpha1: Scalar,
+    alpha2: Scalar,
+    k_vs_squared: Scalar,
+    *,
+    kappa: Scalar = 1.4,
+    area_modulus: Scalar = 1.0,
+) -> Float[Array, "2"]:
+    """`squared_frequencies` as a function of k_VS², all that frequencies can tell of the coupling.
+
+    Smooth at k_VS² = 0 and beyond, where a fit may want to pass.
+    """
+    V, P = jnp.asarray(volume), jnp.asarray(pressure)
+    a = 4 * jnp.pi * kappa * P / (alpha1 * V)
+    b = 9 * jnp.pi**2 * area_modulus / (8 * alpha2 * V**2)
+    c = 18 * jnp.pi**4 * k_vs_squared / (alpha1 * alpha2 * V**4)
+
+    fast = (a + b) / 2 + jnp.sqrt(((a - b) / 2) ** 2 + c)
+    slow = (a * b - c) / fast
+    return jnp.stack([slow, fast])
+
+
+def stability_margin(state: RestState, coefficients: Coefficients, conditions: Reduced) -> Float[Array, ""]:
+    """How far the buckled state is from losing its slow mode: 1 at the limit, more is stable.
+
+    The limit belongs to the two-variable model; the axisymmetric shell does not show it.
+
+    Source:
+        κ V_e P_e/(4π k_VS²), from eq:limstab; K_A in the numerator for ν ≠ 1/2.
+    """
+    V, P = state
+    K_A = moduli(conditions.thickness, conditions.poisson_ratio).area
+    return jnp.asarray(conditions.kappa * V * P * K_A / (4 * jnp.pi * jnp.square(coefficients.k_vs)))
+
+
+def state_matrix(system: Matrices) -> Float[Array, "4 4"]:
+    """The first-order matrix of (ΔV, ΔS, ΔV̇, ΔṠ)."""
+    m = jnp.diag(system.mass)[:, None]
+    top = jnp.concatenate([jnp.zeros((2, 2)), jnp.eye(2)], axis=1)
+    bottom = jnp.concatenate([-system.stiffness / m, -system.damping / m], axis=1)
+    return jnp.concatenate([top, bottom])
+
+
+def damped_modes(system: Matrices) -> Complex[Array, "4"]:
+    """The four roots s of det(s² M + s C + K) = 0, by size; pairs are s = -1/τ ± iΩ.
+
+    Of a pair the root with the positive frequency comes first. With equal
+    decay Ω² = ω² - 1/τ² holds exactly, ω from `squared_frequencies`.
+
+    Source:
+        eq:eqw, whose full quartic the paper avoids.
+    """
+    roots = jnp.linalg.eigvals(state_matrix(system))
+    size = jnp.abs(roots)
+    order = jnp.lexsort((-jnp.imag(roots), jnp.round(size / size.max(), 10)))
+    return roots[order]
+
+
+def propagator(system: Matrices, elapsed: Float[Array, " times"]) -> Float[Array, "times 4 4"]:
+    """Exact motion: (ΔV, ΔS, ΔV̇, ΔṠ) after each elapsed time is this matrix times the initial one."""
+    A = state_matrix(system)
+    return jax.vmap(lambda t: jax.scipy.linalg.expm(A * t))(elapsed)
+
+
+def uniform_propagator(system: Matrices, step: Scalar, count: int) -> Float[Array, "times 4 4"]:
+    """Exact motion after 0, 1, …, count-1 equal steps.
+
+    One matrix exponential; its powers by doubling, so ten products give a thousand times.
+    """
+    factor = jax.scipy.linalg.expm(state_matrix(system) * step)
+    powers = jnp.eye(4)[None]
+    while powers.shape[0] < count:
+        powers = jnp.concatenate([powers, powers @ factor[None]])
+        factor = factor @ factor
+    return powers[:count]
