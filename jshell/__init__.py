@@ -4,13 +4,16 @@ from jshell import precision
 
 precision.ask_for_double()
 
-from jshell import dynamics, membrane, quantities, shell  # noqa: E402
+from jshell import calibration, comparators, dynamics, io, membrane, oscillator, quantities, shell, signals  # noqa: E402
+from jshell.calibration import FitResult  # noqa: E402
 from jshell.errors import JshellError, NotOk, Outcome, RangeWarning  # noqa: E402
+from jshell.oscillator import Coefficients  # noqa: E402
 from jshell.shell import Gas, Liquid, Load, Reduced, Scales, Shell, presets  # noqa: E402
 from jshell.trace import Trace  # noqa: E402
 
 __version__ = "0.1.0"
 __all__ = [
-    "Gas", "JshellError", "Liquid", "Load", "NotOk", "Outcome", "RangeWarning", "Reduced", "Scales", "Shell", "Trace",
-    "dynamics", "membrane", "presets", "quantities", "shell",
+    "Coefficients", "FitResult", "Gas", "JshellError", "Liquid", "Load", "NotOk", "Outcome", "RangeWarning", "Reduced",
+    "Scales", "Shell", "Trace", "calibration", "comparators", "dynamics", "io", "membrane", "oscillator", "presets",
+    "quantities", "shell", "signals",
 ]  # fmt: skip

@@ -38,7 +38,7 @@ class Outcome(enum.IntEnum):
 
 _ADVICE = {
     Outcome.OK: "the computation converged",
-    Outcome.NOT_CONVERGED: "the solver did not converge: try more elements, or a load nearer to a state that works",
+    Outcome.NOT_CONVERGED: "the solver did not converge: try a load nearer to one that works, more elements, or other starts",
     Outcome.CONTACT: "the two poles touch: lower the outer pressure or raise the gas pressure",
     Outcome.MESH: "the mesh was spoiled or the motion ran away: try more elements or a smaller step",
     Outcome.NO_BUCKLED_STATE: "no buckled state at this load, the shell returned to the sphere: raise the outer pressure",

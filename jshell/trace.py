@@ -58,13 +58,13 @@ class Trace(eqx.Module):
             )
         return self.channels[name]
 
-    def between(self, start: float | None, stop: float | None) -> "Trace":
+    def between(self, start: float | int | None, stop: float | int | None) -> "Trace":
         """The part of the trace with start <= t <= stop, in the trace's own time unit."""
         times = np.asarray(self.times)
         low = -np.inf if start is None else start
         high = np.inf if stop is None else stop
         keep = (times >= low) & (times <= high)
-        pick = lambda values: np.asarray(values)[keep]  # noqa: E731
+        pick = lambda values: np.asarray(values)[..., keep]  # noqa: E731
         return Trace(
             pick(times),
             {name: pick(values) for name, values in self.channels.items()},

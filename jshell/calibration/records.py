@@ -15,6 +15,7 @@ from jshell.errors import BadName, BadShape, BadValue, RangeWarning
 from jshell.oscillator.simulate import is_buckled, is_uniform
 from jshell.shell.parameters import Reduced
 from jshell.shell.rest import RestState, buckled_state, gas_pressure
+from jshell.signals import ring_down_start
 from jshell.trace import Trace
 
 EQUILIBRIA = ("plateau", "trace")
@@ -62,7 +63,8 @@ def windowed(traces: Trace | Sequence[Trace], start: float | None, stop: float |
                 expected="thickness, pressures and viscosity of the shell",
                 remedy="Build the trace with conditions=Reduced(…).",
             )
-        cut = trace.between(start, stop)
+        # a record that holds a snap is read from its ring-down on: the motion before it is not small
+        cut = trace.between(ring_down_start(trace) if start is None else start, stop)
         times = np.asarray(cut.times)
         if times.size < 16 or not np.all(np.diff(times) > 0):
             raise BadShape(

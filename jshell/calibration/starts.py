@@ -13,9 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jshell.calibration.records import Record
-
-MOST_SAMPLES = 400
-ORDERS = (5, 7, 9)
+from jshell.signals import rates
 
 
 class Modes(NamedTuple):
@@ -51,36 +49,18 @@ def find_modes(elapsed: np.ndarray, data: np.ndarray) -> Modes | None:
     """Two modes of a record by matrix pencil over all its channels; None where there are not two.
 
     Args:
-        elapsed: (times,) from 0; uneven times are resampled first.
+        elapsed: (times,) from 0, evenly spaced or not.
         data: (channels, times).
     """
-    count = min(elapsed.size, MOST_SAMPLES)
-    even = np.linspace(elapsed[0], elapsed[-1], count)
-    step = even[1] - even[0]
-    sampled = np.stack([np.interp(even, elapsed, row) for row in data])
-    spread = sampled.std(axis=1, keepdims=True)
+    spread = data.std(axis=1, keepdims=True)
     if not np.all(spread > 0):
         return None
-    sampled = (sampled - sampled.mean(axis=1, keepdims=True)) / spread
-
-    length = count // 3
-    windows = np.lib.stride_tricks.sliding_window_view(sampled, length + 1, axis=1)
-    rows = windows.reshape(-1, length + 1)
-    _, leading = np.linalg.eigh(rows.T @ rows)  # half the digits of the singular vectors: plenty for a start
-    leading = leading[:, ::-1]
     best: Modes | None = None
-    for order in ORDERS:
-        span = leading[:, :order]
-        z = np.linalg.eigvals(np.linalg.lstsq(span[:-1], span[1:], rcond=None)[0])
-        s = np.log(z.astype(complex)) / step
-        s = s[s.imag > 1e-3 / step]
-        s = -np.maximum(-s.real, 1e-3) + 1j * s.imag
-        if s.size < 2:
+    for heard in rates(elapsed, data / spread):
+        if heard.size < 2:
             continue
-        amplitudes, _, _ = _amplitudes(even, sampled, s)
-        reach = np.minimum(1 / -s.real, even[-1])
-        energy = (np.abs(amplitudes) ** 2).sum(axis=0) * reach
-        s = s[np.argsort(-energy)[:2]]
+        s = heard[:2]
+        s = -np.maximum(-s.real, 1e-3) + 1j * s.imag
         s = s[np.argsort(np.abs(s))]
         amplitudes, offsets, left = _amplitudes(elapsed, data, s)
         rms = float(np.sqrt(np.mean(left.var(axis=1) / data.var(axis=1))))

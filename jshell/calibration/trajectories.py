@@ -56,7 +56,8 @@ def fit_trajectories(
         fix: Values of constants not to be fitted.
         bounds: Lowest and highest value of constants.
         channels: Those to read; None reads all that the traces share.
-        start: First time read, in the traces' own time.
+        start: First time read, in the traces' own time; by default a record that holds a snap is read from
+            five units after its dip on, any other whole.
         stop: Last time read.
         beta2: `equal_decay` ties it to beta1; `free` fits it (strict only).
         dipole: Convention of beta2, `corrected` or `printed`.

@@ -150,7 +150,10 @@ def meridian(elements: int = 32, attached: float = 0.0) -> Meridian:
     """
     if not isinstance(elements, int | np.integer) or elements < MINIMUM_ELEMENTS:
         raise BadValue(
-            "elements", found=repr(elements), expected=f"an integer of at least {MINIMUM_ELEMENTS}", remedy="32 is usual."
+            "elements",
+            found=repr(elements),
+            expected=f"an integer of at least {MINIMUM_ELEMENTS}",
+            remedy="32 is usual.",
         )
     if not 0.0 <= attached <= 2.0:
         raise BadValue("attached", found=repr(attached), expected="an angle from 0 to 2 rad", remedy="0.33 is usual.")
@@ -229,7 +232,9 @@ def _near(breaks: np.ndarray, even: ParitySplines, odd: ParitySplines, potential
             parts.append(gaps[:, None] ** np.arange(DEGREE + 1)[None] @ potential.taylor(node, way))
             sides.append(parts)
         rows.append([np.concatenate(pair) for pair in zip(*sides, strict=True)])
-    weights, gaps, xv, xs, xq, xqs, rv, rs, rq, rqs, pot = (jnp.asarray(np.stack(part)) for part in zip(*rows, strict=True))
+    weights, gaps, xv, xs, xq, xqs, rv, rs, rq, rqs, pot = (
+        jnp.asarray(np.stack(part)) for part in zip(*rows, strict=True)
+    )
     return Near(
         weights=weights,
         gaps=gaps,

@@ -28,9 +28,13 @@ class WeakSpot:
 
     def __post_init__(self) -> None:
         if not 0 <= self.depth < 1:
-            raise BadValue("weak spot depth", found=repr(self.depth), expected="0 <= depth < 1", remedy="0.15 is usual.")
+            raise BadValue(
+                "weak spot depth", found=repr(self.depth), expected="0 <= depth < 1", remedy="0.15 is usual."
+            )
         if not 0 < self.width <= 3:
-            raise BadValue("weak spot width", found=repr(self.width), expected="0 < width <= 3 rad", remedy="0.35 is usual.")
+            raise BadValue(
+                "weak spot width", found=repr(self.width), expected="0 < width <= 3 rad", remedy="0.35 is usual."
+            )
 
 
 NO_WEAK_SPOT = WeakSpot(0.0, 0.35)

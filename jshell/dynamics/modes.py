@@ -57,6 +57,11 @@ class Modes(eqx.Module):
     outcome: Int[Array, "modes"]
     rest: RestShape
 
+    @property
+    def rate(self) -> Complex[Array, "modes"]:
+        """Complex rate s = -1/τ + iΩ [1/time]."""
+        return -1 / self.tau + 1j * self.Omega
+
 
 class Matrices(NamedTuple):
     """Stiffness, added mass and slip matrix of a rest shape on its free coordinates, and its translation."""
@@ -98,7 +103,9 @@ def modes(
         [1.19  1.981 2.931 4.269]
     """
     if not 1 <= count <= elements // 2:
-        raise BadValue("count", found=repr(count), expected=f"1 to {elements // 2}", remedy="Raise `elements` for more modes.")
+        raise BadValue(
+            "count", found=repr(count), expected=f"1 to {elements // 2}", remedy="Raise `elements` for more modes."
+        )
     state = rest(
         conditions, branch=branch, elements=elements, attached=attached, weak_spot=weak_spot, area=area, throw=throw
     )

@@ -107,9 +107,7 @@ def launch(
     return State(q, u, start.mass @ u, force * held, u, u)
 
 
-def advance(
-    body: Body, state: State, pressure: Scalar, step: Scalar, radius: float, area: Area
-) -> State:
+def advance(body: Body, state: State, pressure: Scalar, step: Scalar, radius: float, area: Area) -> State:
     """One step of generalised-α.
 
     Args:

@@ -28,7 +28,7 @@ from jshell.shell.rest import gas_pressure
 from jshell.trace import Trace
 
 STEP = 0.025  # longest step [time unit]: a twentieth of the period of mode 4 of R
-RADIUS = 0.8  # spectral radius at infinity of the time step
+RADIUS = 0.5  # spectral radius at infinity: 0.8 lets an undamped massless wall run away, 0 damps the modes
 LARGEST_MOVE = 0.2  # no node may move further than this in a step [R0]
 STRETCH = (0.2, 5.0)  # a meridional stretch outside is a spoiled mesh [-]
 CHANNELS = ("V", "S", "H", "W", "x_front", "x_back", "v_front", "v_back", "P", "P_ext", "kinetic", "elastic", "gas")
@@ -46,7 +46,7 @@ def simulate(
     elements: int = 32,
     attached: float = 0.0,
     weak_spot: WeakSpot | None = None,
-    stokes_frequency: float | None = None,
+    stokes_frequency: float | complex | None = None,
     step: float = STEP,
     area: Area = "current",
     throw: bool = False,
@@ -64,8 +64,9 @@ def simulate(
         displacement, velocity: (coordinates,) added to the start [R0], [R0/time unit]; only with `start`.
         elements, attached: As in `jshell.membrane.rest`.
         weak_spot: Thinner wall that decides where the dimple starts; `WeakSpot()` by default.
-        stokes_frequency: Reference frequency of the Stokes layer; by default the geometric mean of the first
-            two undamped modes of the final rest state.
+        stokes_frequency: Reference frequency of the Stokes layer, real, or a mode's complex rate
+            (`Modes.rate`) at which the layer is then exact; by default the geometric mean of the first two
+            undamped modes of the final rest state.
         step: Longest time step; the samples' spacing is divided evenly.
         area: Which elastic energy.
         throw: Raise `NotOk` unless the run reached its end (outside `jit` only).
@@ -84,7 +85,10 @@ def simulate(
     if start is None:
         if displacement is not None or velocity is not None:
             raise BadValue(
-                "displacement, velocity", found="no start", expected="a `start` to displace", remedy="Pass start=rest(...)."
+                "displacement, velocity",
+                found="no start",
+                expected="a `start` to displace",
+                remedy="Pass start=rest(...).",
             )
         shape = cached_meridian(elements, attached)
         profile = wall_profile(shape, WeakSpot() if weak_spot is None else weak_spot)
@@ -103,7 +107,9 @@ def simulate(
     body = Body(shape, wall(shape, conditions, profile), conditions, layer)
     record = run(body, q + move, kick, protocol, every, count, inner, area)
     outcome = jnp.where(found != Outcome.OK, found, record.outcome)
-    return _trace(conditions, record, outcome, every, count, shape, frequency, every / inner, protocol, weak_spot, throw)
+    return _trace(
+        conditions, record, outcome, every, count, shape, frequency, every / inner, protocol, weak_spot, throw
+    )
 
 
 class Record(NamedTuple):
@@ -194,8 +200,11 @@ def _reference_frequency(shape, conditions, profile, given, start, energy):
     """The layer's reference frequency, and whether it could be found."""
     ok = jnp.asarray(int(Outcome.OK))
     if given is not None:
-        if not isinstance(given, jax.core.Tracer) and not (np.isfinite(given) and given > 0):
-            raise BadValue("stokes_frequency", found=repr(given), expected="above 0", remedy="Leave it out for the default.")
+        oscillation = np.imag(given) if np.iscomplexobj(given) else given
+        if not isinstance(given, jax.core.Tracer) and not (np.isfinite(given) and oscillation > 0):
+            raise BadValue(
+                "stokes_frequency", found=repr(given), expected="above 0", remedy="Leave it out for the default."
+            )
         return given, ok
     if not isinstance(conditions.viscosity, jax.core.Tracer) and np.all(np.asarray(conditions.viscosity) == 0):
         return 1.0, ok
@@ -208,7 +217,10 @@ def _coordinates(given, q):
     given = jnp.asarray(given)
     if given.shape != q.shape:
         raise BadShape(
-            "displacement or velocity", found=f"shape {given.shape}", expected=f"shape {q.shape}", remedy="Give one number per coordinate."
+            "displacement or velocity",
+            found=f"shape {given.shape}",
+            expected=f"shape {q.shape}",
+            remedy="Give one number per coordinate.",
         )
     return given
 
@@ -216,11 +228,17 @@ def _coordinates(given, q):
 def _check_times(duration, every, step, ramp):
     for name, value, low in (("duration", duration, 0.0), ("every", every, 0.0), ("step", step, 0.0)):
         if not (np.isfinite(value) and value > low):
-            raise BadValue(name, found=repr(value), expected="a finite time above 0", remedy="70, 0.05 and 0.025 are usual.")
+            raise BadValue(
+                name, found=repr(value), expected="a finite time above 0", remedy="70, 0.05 and 0.025 are usual."
+            )
     if not isinstance(ramp, jax.core.Tracer) and not (np.isfinite(ramp) and ramp >= 0):
-        raise BadValue("ramp", found=repr(ramp), expected="a finite time of at least 0", remedy="25 is slow enough for R.")
+        raise BadValue(
+            "ramp", found=repr(ramp), expected="a finite time of at least 0", remedy="25 is slow enough for R."
+        )
     if duration < every:
-        raise BadValue("every", found=f"{every:g}", expected=f"at most the duration {duration:g}", remedy="Sample more often.")
+        raise BadValue(
+            "every", found=f"{every:g}", expected=f"at most the duration {duration:g}", remedy="Sample more often."
+        )
 
 
 def _trace(conditions, record, outcome, every, count, shape, frequency, step, protocol, weak_spot, throw) -> Trace:
@@ -230,7 +248,7 @@ def _trace(conditions, record, outcome, every, count, shape, frequency, step, pr
         if throw:
             raise_unless_ok("simulation", outcome)
         samples, times = samples[: int(record.good)], times[: int(record.good)]
-        settings.append(("stokes_frequency", repr(float(frequency))))
+        settings.append(("stokes_frequency", str(np.asarray(frequency))))
     if isinstance(protocol, Ramp):
         spot = WeakSpot() if weak_spot is None else weak_spot
         settings += [("ramp", str(protocol.duration)), ("weak_spot", f"{spot.depth!r},{spot.width!r}")]

@@ -59,7 +59,12 @@ def layers(shape: Meridian, q: Float[Array, "coordinates"]) -> Layers:
     near, (qx, qr) = shape.near, shape.split(q)
     Qx, Qr = near.x_quotient @ qx, near.r_quotient @ qr
     local = Curve(
-        near.x_value @ qx, near.r_value @ qr, near.x_slope @ qx, near.r_slope @ qr, jnp.zeros_like(Qx), jnp.zeros_like(Qx)
+        near.x_value @ qx,
+        near.r_value @ qr,
+        near.x_slope @ qx,
+        near.r_slope @ qr,
+        jnp.zeros_like(Qx),
+        jnp.zeros_like(Qx),
     )
     squared = Qx**2 + Qr**2
     shortest = near.gaps**2 * squared
@@ -107,9 +112,7 @@ def single_layer(shape: Meridian, parts: Layers) -> Float[Array, "nodes coordina
     return far + jnp.concatenate([from_x, -from_r], axis=1)
 
 
-def single_layer_of(
-    shape: Meridian, parts: Layers, u: Float[Array, "coordinates"]
-) -> Float[Array, "nodes"]:
+def single_layer_of(shape: Meridian, parts: Layers, u: Float[Array, "coordinates"]) -> Float[Array, "nodes"]:
     """The single layer of one velocity, without forming the matrix."""
     ux, ur = shape.split(u)
     flux = flux_of(parts.curve, shape.x_basis[0] @ ux, shape.r_basis[0] @ ur)

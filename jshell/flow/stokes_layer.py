@@ -35,5 +35,18 @@ def slip_matrix(shape: Meridian, current: Flow) -> Float[Array, "coordinates coo
 
 
 def single_frequency(viscosity: Scalar, frequency: Scalar) -> SingleFrequency:
-    """sqrt(iωη̂) split into iω times a mass, sqrt(η̂/2ω), and a resistance, sqrt(ωη̂/2)."""
-    return SingleFrequency(jnp.sqrt(viscosity / (2 * frequency)), jnp.sqrt(viscosity * frequency / 2))
+    """The layer's mass and resistance, exact at one rate.
+
+    At a real frequency ω the impedance sqrt(iωη̂) is iω times a mass sqrt(η̂/2ω) plus a resistance
+    sqrt(ωη̂/2). At a decaying rate s = -1/τ + iΩ, given as a complex number, the two are chosen such that
+    s·mass + resistance = sqrt(s η̂) there, so that a mode of that rate keeps its frequency and its decay.
+
+    Args:
+        viscosity: η̂ [-].
+        frequency: Real ω, or complex s [1/time].
+    """
+    s = jnp.asarray(frequency)
+    s = s if jnp.iscomplexobj(s) else 1j * s
+    half = jnp.sqrt(s)
+    mass = jnp.imag(half) / jnp.imag(s)
+    return SingleFrequency(jnp.sqrt(viscosity) * mass, jnp.sqrt(viscosity) * (jnp.real(half) - jnp.real(s) * mass))

@@ -49,9 +49,7 @@ def turning(
     column = lambda values: values[:, None]  # noqa: E731
     tangential = both(column(curve.x1 / ds) * X[0], column(curve.r1 / ds) * R[0])
     normal = both(column(curve.r1 / ds) * X[0], -column(curve.x1 / ds) * R[0])
-    sloped = both(
-        column(curve.r1) * X[1] + column(curve.r2) * X[0], -column(curve.x1) * R[1] - column(curve.x2) * R[0]
-    )
+    sloped = both(column(curve.r1) * X[1] + column(curve.r2) * X[0], -column(curve.x1) * R[1] - column(curve.x2) * R[0])
     normal_s = (sloped - column(stretching) * normal) / column(ds**2)
 
     source = column(phi_s - u_t) * normal_s

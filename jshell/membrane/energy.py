@@ -46,7 +46,9 @@ def wall(shape: Meridian, conditions: Reduced, profile: Float[Array, "points"]) 
 def check_area(area: str) -> None:
     """Refuse an unknown choice of reference for the elastic energy."""
     if area not in AREAS:
-        raise BadName("area", found=repr(area), expected="one of " + ", ".join(AREAS), remedy="current is the source's.")
+        raise BadName(
+            "area", found=repr(area), expected="one of " + ", ".join(AREAS), remedy="current is the source's."
+        )
 
 
 def density(curve: Curve, wall: Wall, area: Area) -> Float[Array, "..."]:

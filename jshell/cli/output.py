@@ -1,0 +1,94 @@
+"""What a verb prints: one JSON object, or a table; logs go to stderr, and the exit code tells the rest."""
+
+import functools
+import json
+import sys
+import warnings
+from collections.abc import Callable, Iterable
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from jshell.errors import JshellError, Outcome
+
+BAD_INPUT = 2
+NOT_OK = 3
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
+
+
+def clean(value: Any) -> Any:
+    """A value as JSON knows it: arrays as lists, NaN and infinity as null."""
+    if isinstance(value, dict):
+        return {str(key): clean(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [clean(item) for item in value]
+    if isinstance(value, bool | np.bool_):
+        return bool(value)
+    if isinstance(value, Outcome):
+        return value.word
+    if isinstance(value, str) or value is None:
+        return value
+    numbers = np.asarray(value)
+    if numbers.ndim:
+        return [clean(item) for item in numbers]
+    if np.issubdtype(numbers.dtype, np.integer):
+        return int(numbers)
+    number = float(numbers)
+    return number if np.isfinite(number) else None
+
+
+def say(record: dict[str, Any]) -> None:
+    """Print one JSON object."""
+    typer.echo(json.dumps(clean(record), ensure_ascii=False, allow_nan=False))
+
+
+def table(rows: Iterable[tuple], header: tuple[str, ...]) -> str:
+    """Columns aligned, numbers to five digits, missing ones as a dash."""
+    lines = [header, *(tuple(cell(item) for item in row) for row in rows)]
+    widths = [max(len(line[k]) for line in lines) for k in range(len(header))]
+    shown = ["  ".join(item.ljust(width) for item, width in zip(line, widths, strict=True)).rstrip() for line in lines]
+    shown.insert(1, "  ".join("─" * width for width in widths))
+    return "\n".join(shown)
+
+
+def cell(item: Any) -> str:
+    """One number or word of a table."""
+    if item is None:
+        return "–"
+    if isinstance(item, str):
+        return item
+    number = float(item)
+    return f"{number:.5g}" if np.isfinite(number) else "–"
+
+
+def log(text: str) -> None:
+    """A word to the person, on stderr."""
+    typer.echo(text, err=True)
+
+
+def finish(outcome: Outcome, *, sound: bool = True) -> None:
+    """Exit 0 where the outcome is ok and the result sound, else 3 with the advice on stderr."""
+    if outcome != Outcome.OK:
+        log(f"{outcome.word}: {outcome.advice}.")
+    if outcome != Outcome.OK or not sound:
+        raise typer.Exit(NOT_OK)
+
+
+def speaking(verb: Callable[..., None]) -> Callable[..., None]:
+    """Turn typed errors into exit code 2 with the message, and warnings into lines on stderr."""
+
+    @functools.wraps(verb)
+    def wrapped(*args, **given) -> None:
+        with warnings.catch_warnings():
+            warnings.simplefilter("always", UserWarning)
+            warnings.showwarning = lambda message, *_, **__: log(f"warning: {message}")
+            try:
+                verb(*args, **given)
+            except JshellError as error:
+                if "--json" in sys.argv:
+                    say({"error": error.record()})
+                log(f"error: {error}")
+                raise typer.Exit(BAD_INPUT) from None
+
+    return wrapped

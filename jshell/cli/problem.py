@@ -1,0 +1,198 @@
+"""The conditions that every verb takes: a preset, pure numbers, or SI.
+
+One place declares these options; `with_conditions` adds them to a verb and
+hands it a `Problem`.
+"""
+
+import functools
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated
+
+import typer
+
+from jshell.errors import BadValue
+from jshell.shell import Gas, Liquid, Load, Reduced, Scales, Shell, presets, scales
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Conditions from the command line, and the scales where they came in SI."""
+
+    conditions: Reduced
+    scales: Scales | None
+    has_viscosity: bool
+
+    def needs_viscosity(self) -> None:
+        """Refuse a request that depends on a viscosity nobody gave."""
+        if not self.has_viscosity:
+            raise BadValue(
+                "--eta-hat",
+                found="no viscosity",
+                expected="a number of at least 0",
+                remedy="Give --eta-hat (0 is an inviscid liquid), or --preset R.",
+            )
+
+    def record(self) -> dict[str, float]:
+        """The conditions as JSON."""
+        return named(self.conditions)
+
+
+def named(conditions: Reduced) -> dict[str, float]:
+    """Conditions under the names files use."""
+    c = conditions
+    return {
+        "d_hat": float(c.thickness),
+        "P0_hat": float(c.gas_pressure),
+        "Pext_hat": float(c.outer_pressure),
+        "eta_hat": float(c.viscosity),
+        "kappa": float(c.kappa),
+        "nu": float(c.poisson_ratio),
+    }
+
+
+_REDUCED = "Conditions without units"
+_SI = "Conditions in SI"
+Preset = Annotated[
+    str | None, typer.Option("--preset", help="Named shell: R, R-macro, R-micro; other options override it.")
+]
+DHat = Annotated[float | None, typer.Option("--d-hat", help="Thickness d/R0.", rich_help_panel=_REDUCED)]
+P0Hat = Annotated[float | None, typer.Option("--p0-hat", help="Gas pressure / (E d/R0).", rich_help_panel=_REDUCED)]
+PextHat = Annotated[
+    float | None, typer.Option("--pext-hat", help="Outer pressure / (E d/R0).", rich_help_panel=_REDUCED)
+]
+EtaHat = Annotated[
+    float | None, typer.Option("--eta-hat", help="Viscosity / sqrt(E d rho R0).", rich_help_panel=_REDUCED)
+]
+Kappa = Annotated[float | None, typer.Option("--kappa", help="Polytropic exponent of the gas [1.4].")]
+Nu = Annotated[float | None, typer.Option("--nu", help="Poisson ratio [0.5].")]
+R0 = Annotated[float | None, typer.Option("--r0", help="Radius [m].", rich_help_panel=_SI)]
+D = Annotated[float | None, typer.Option("--d", help="Thickness [m].", rich_help_panel=_SI)]
+E = Annotated[float | None, typer.Option("--e", help="Young's modulus [Pa].", rich_help_panel=_SI)]
+P0 = Annotated[float | None, typer.Option("--p0", help="Gas pressure [Pa].", rich_help_panel=_SI)]
+Pext = Annotated[float | None, typer.Option("--pext", help="Outer pressure [Pa].", rich_help_panel=_SI)]
+Rho = Annotated[float | None, typer.Option("--rho", help="Density of the liquid [kg/m^3].", rich_help_panel=_SI)]
+Eta = Annotated[float | None, typer.Option("--eta", help="Viscosity of the liquid [Pa s].", rich_help_panel=_SI)]
+
+
+def conditions(
+    preset: Preset = None,
+    d_hat: DHat = None,
+    p0_hat: P0Hat = None,
+    pext_hat: PextHat = None,
+    eta_hat: EtaHat = None,
+    kappa: Kappa = None,
+    nu: Nu = None,
+    r0: R0 = None,
+    d: D = None,
+    e: E = None,
+    p0: P0 = None,
+    pext: Pext = None,
+    rho: Rho = None,
+    eta: Eta = None,
+) -> Problem:
+    """The problem that the options describe.
+
+    Raises:
+        BadValue: Options that are missing, mixed, or outside their meaning.
+    """
+    pure = {"d_hat": d_hat, "p0_hat": p0_hat, "pext_hat": pext_hat, "eta_hat": eta_hat}
+    si = {"r0": r0, "d": d, "e": e, "p0": p0, "pext": pext, "rho": rho, "eta": eta}
+    given_pure = {name: value for name, value in pure.items() if value is not None}
+    given_si = {name: value for name, value in si.items() if value is not None}
+    if given_pure and given_si:
+        raise BadValue(
+            "conditions",
+            found="options with and without units: " + ", ".join(_flags((*given_pure, *given_si))),
+            expected="one kind",
+            remedy="Give all pressures and lengths in SI, or all as pure numbers.",
+        )
+    base = None if preset is None else presets.preset(preset)
+    if base is None and not given_pure and not given_si:
+        raise BadValue("conditions", found="none", expected="--preset, pure numbers or SI", remedy="Try --preset R.")
+    if given_si:
+        return _from_si(base, given_si, kappa, nu)
+    return _from_pure(base, given_pure, kappa, nu)
+
+
+def _from_pure(base: presets.Preset | None, given: dict[str, float], kappa: float | None, nu: float | None) -> Problem:
+    if base is None:
+        _require(given, ("d_hat", "p0_hat", "pext_hat"))
+        start = {"eta_hat": 0.0, "kappa": 1.4, "nu": 0.5}
+    else:
+        c = named(base.conditions)
+        start = {"d_hat": c["d_hat"], "p0_hat": c["P0_hat"], "pext_hat": c["Pext_hat"], "eta_hat": c["eta_hat"]}
+        start |= {"kappa": c["kappa"], "nu": c["nu"]}
+    full = start | given
+    reduced = Reduced(
+        full["d_hat"],
+        full["p0_hat"],
+        full["pext_hat"],
+        full["eta_hat"],
+        full["kappa"] if kappa is None else kappa,
+        full["nu"] if nu is None else nu,
+    )
+    unit = None if base is None or given else base.unit
+    return Problem(reduced, unit, base is not None or "eta_hat" in given)
+
+
+def _from_si(base: presets.Preset | None, given: dict[str, float], kappa: float | None, nu: float | None) -> Problem:
+    if base is not None:
+        if base.unit is None:
+            raise BadValue(
+                "conditions",
+                found=f"SI options with preset {base.name}, which has no units",
+                expected="pure numbers with it, or a laboratory preset",
+                remedy="Use --preset R-macro or R-micro, or --d-hat and its kin.",
+            )
+        shell, gas, liquid, load = base.conditions.to_si(base.unit)
+        full = {
+            "r0": shell.radius,
+            "d": shell.thickness,
+            "e": shell.youngs_modulus,
+            "p0": gas.pressure,
+            "pext": load.pressure,
+            "rho": liquid.density,
+            "eta": liquid.viscosity,
+        } | given
+        kappa = gas.kappa if kappa is None else kappa
+        nu = shell.poisson_ratio if nu is None else nu
+    else:
+        _require(given, ("r0", "d", "e", "p0", "pext", "rho"))
+        full = {"eta": 0.0} | given
+    shell = Shell(full["r0"], full["d"], full["e"], 0.5 if nu is None else nu)
+    gas = Gas(full["p0"], 1.4 if kappa is None else kappa)
+    liquid, load = Liquid(full["rho"], full["eta"]), Load(full["pext"])
+    reduced = Reduced.from_si(shell, gas, liquid, load)
+    return Problem(reduced, scales(shell, liquid), base is not None or "eta" in given)
+
+
+def _require(given: dict[str, float], needed: tuple[str, ...]) -> None:
+    missing = [name for name in needed if name not in given]
+    if missing:
+        raise BadValue(
+            "conditions",
+            found="no " + ", ".join(_flags(missing)),
+            expected="all of " + ", ".join(_flags(needed)),
+            remedy="Add them, or start from --preset R.",
+        )
+
+
+def _flags(names) -> list[str]:
+    return ["--" + name.replace("_", "-") for name in names]
+
+
+def with_conditions(verb: Callable[..., None]) -> Callable[..., None]:
+    """Give a verb the options of `conditions`; its first argument receives the `Problem`."""
+    options = inspect.signature(conditions).parameters
+    own = list(inspect.signature(verb).parameters.values())[1:]
+
+    @functools.wraps(verb)
+    def wrapped(**given) -> None:
+        verb(conditions(**{name: given.pop(name) for name in options}), **given)
+
+    shown = sorted((*own, *options.values()), key=lambda p: p.default is not inspect.Parameter.empty)
+    wrapped.__signature__ = inspect.Signature(shown)  # pyright: ignore[reportFunctionMemberAccess]
+    wrapped.__annotations__ = {p.name: p.annotation for p in shown}
+    return wrapped

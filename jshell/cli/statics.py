@@ -1,0 +1,161 @@
+"""`jshell rest`, `jshell modes` and `jshell frequencies`: a shell at rest, how it vibrates, what the short model says."""
+
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from jshell import dynamics, membrane, oscillator
+from jshell.cli.output import Json, finish, say, speaking, table
+from jshell.cli.problem import Problem, with_conditions
+from jshell.contour import NO_WEAK_SPOT, WeakSpot
+from jshell.errors import BadValue, Outcome
+
+Elements = Annotated[int, typer.Option("--elements", help="Spline elements from pole to pole.")]
+Attached = Annotated[
+    float, typer.Option("--attached", help="Half-angle of the pad that holds the shell [rad]; 0 is free.")
+]
+Spot = Annotated[str | None, typer.Option("--weak-spot", help="DEPTH,WIDTH of a thinner wall at the buckling pole.")]
+
+
+def weak_spot(text: str | None, default: WeakSpot) -> WeakSpot:
+    """A weak spot from `depth,width`.
+
+    Raises:
+        BadValue: Not two numbers.
+    """
+    if text is None:
+        return default
+    try:
+        depth, width = (float(part) for part in text.split(","))
+    except ValueError:
+        raise BadValue("--weak-spot", found=repr(text), expected="DEPTH,WIDTH", remedy="Try 0.15,0.35.") from None
+    return WeakSpot(depth, width)
+
+
+@speaking
+@with_conditions
+def rest(
+    problem: Problem,
+    branch: Annotated[str, typer.Option("--branch", help="buckled or sphere.")] = "buckled",
+    elements: Elements = 32,
+    attached: Attached = 0.0,
+    spot: Spot = None,
+    as_json: Json = False,
+) -> None:
+    """Rest shape: volume, area and inner pressure of a shell at a load."""
+    found = membrane.rest(
+        problem.conditions,
+        branch=branch,  # pyright: ignore[reportArgumentType]  (membrane.rest refuses other words)
+        elements=elements,
+        attached=attached,
+        weak_spot=weak_spot(spot, NO_WEAK_SPOT),
+    )
+    outcome = Outcome(int(found.outcome))
+    ok = outcome == Outcome.OK
+    numbers = {
+        "V_over_V0": found.volume_ratio,
+        "S_over_S0": found.area_ratio,
+        "P": found.pressure,
+        "gap": found.gap,
+    }
+    numbers = {key: value if ok else None for key, value in numbers.items()}
+    stable = bool(found.stability > 0) if ok else None
+    if as_json:
+        say({**numbers, "stable": stable, "branch": branch, "outcome": outcome, "conditions": problem.record()})
+    else:
+        words = {
+            "V_over_V0": "volume V/V0",
+            "S_over_S0": "area S/S0",
+            "P": "inner pressure P [E d/R0]",
+            "gap": "poles apart [R0]",
+        }
+        rows = [(words[key], value) for key, value in numbers.items()]
+        typer.echo(table([*rows, ("stable", {True: "yes", False: "no", None: "–"}[stable])], ("at rest", "value")))
+    finish(outcome)
+
+
+@speaking
+@with_conditions
+def modes(
+    problem: Problem,
+    branch: Annotated[str, typer.Option("--branch", help="buckled or sphere.")] = "buckled",
+    attached: Attached = 0.0,
+    stokes_layer: Annotated[
+        bool, typer.Option("--stokes-layer/--no-stokes-layer", help="Viscosity of the liquid.")
+    ] = True,
+    count: Annotated[int, typer.Option("--count", help="How many modes.")] = 4,
+    elements: Elements = 32,
+    spot: Spot = None,
+    as_json: Json = False,
+) -> None:
+    """Small vibrations about the rest shape: frequencies, decay times, changes of volume and area."""
+    if stokes_layer:
+        problem.needs_viscosity()
+    found = dynamics.modes(
+        problem.conditions,
+        count=count,
+        stokes_layer=stokes_layer,
+        branch=branch,  # pyright: ignore[reportArgumentType]
+        elements=elements,
+        attached=attached,
+        weak_spot=weak_spot(spot, NO_WEAK_SPOT),
+    )
+    outcome = Outcome(int(np.max(np.asarray(found.outcome))))
+    rows = []
+    for k in range(count):
+        if int(found.outcome[k]) != Outcome.OK:
+            continue
+        values = (found.omega[k], found.Omega[k], found.tau[k], found.dV[k], found.dS[k])
+        rows.append(dict(zip(("omega", "Omega", "tau", "dV", "dS"), (float(v) for v in values), strict=True)))
+    if as_json:
+        say({"modes": rows, "outcome": outcome, "conditions": problem.record()})
+    else:
+        header = ("mode", "ω = |s|", "Ω", "τ", "dV", "dS")
+        shown = [(str(k + 1), *row.values()) for k, row in enumerate(rows)]
+        if problem.scales is not None:
+            header = (*header, "f [Hz]")
+            shown = [(*line, row["omega"] * problem.scales.frequency) for line, row in zip(shown, rows, strict=True)]
+        typer.echo(table(shown, header))
+    finish(outcome)
+
+
+@speaking
+@with_conditions
+def frequencies(
+    problem: Problem,
+    alpha1: Annotated[float, typer.Option(help="Added-mass factor of the volume.")] = 3.6,
+    alpha2: Annotated[float, typer.Option(help="Added-mass factor of the area.")] = 1.1,
+    kvs: Annotated[float, typer.Option("--kvs", help="Volume-area coupling.")] = 0.23,
+    as_json: Json = False,
+) -> None:
+    """The short model's two frequencies (eq:defw, plateau law), beside the sphere's and Marmottant's."""
+    found = oscillator.frequencies(problem.conditions, oscillator.Coefficients(alpha1, alpha2, kvs))
+    outcome = Outcome(int(found.outcome))
+    numbers = {
+        "omega_minus": found.omega_minus,
+        "omega_plus": found.omega_plus,
+        "P": found.pressure,
+        "V": found.volume,
+        "stability_margin": found.stability_margin,
+        "omega_sphere": found.omega_sphere,
+        "omega_marmottant": found.omega_marmottant,
+    }
+    if outcome == Outcome.NO_BUCKLED_STATE:
+        buckled = ("omega_minus", "omega_plus", "P", "V", "stability_margin")
+        numbers |= dict.fromkeys(buckled)
+    if as_json:
+        constants = {"alpha1": alpha1, "alpha2": alpha2, "kVS": kvs}
+        say({**numbers, "outcome": outcome, "constants": constants, "conditions": problem.record()})
+    else:
+        words = {
+            "omega_minus": "slow frequency ω−",
+            "omega_plus": "fast frequency ω+",
+            "P": "inner pressure P_e",
+            "V": "volume V_e",
+            "stability_margin": "stability margin (1 at the limit)",
+            "omega_sphere": "sphere, had it not buckled",
+            "omega_marmottant": "Marmottant's buckled law",
+        }
+        typer.echo(table([(words[key], value) for key, value in numbers.items()], ("short model", "value")))
+    finish(outcome)

@@ -1,0 +1,299 @@
+"""Conditions as files spell them: dimensionless, or in SI.
+
+Symbols    d̂ thickness   P̂0 gas pressure   P̂ext outer pressure   η̂ viscosity
+           R0 radius [m]   d thickness [m]   E Young's modulus [Pa]   ρ_f density [kg/m³]
+Source     Mokbel et al. 2021, section "Description of relevant parameters"
+"""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from jshell.errors import BadFile, BadName, BadUnits, BadValue, Outcome
+from jshell.io.sheets import NUMBER, Entry, read_text
+from jshell.shell.parameters import Gas, Liquid, Load, Number, Reduced, Scales, Shell, scales
+
+REDUCED_KEYS = ("d_hat", "P0_hat", "Pext_hat", "eta_hat")
+SI_KEYS = ("R0_m", "d_m", "E_Pa", "P0_Pa", "Pext_Pa", "rho_f_kg_m3", "eta_f_Pa_s")
+SHARED_KEYS = ("kappa", "nu")
+CONDITION_KEYS = (*REDUCED_KEYS, *SI_KEYS, *SHARED_KEYS)
+OPTIONAL_KEYS = ("eta_hat", *SHARED_KEYS)  # Reduced knows their defaults
+
+_FIELDS = {
+    "d_hat": "thickness",
+    "P0_hat": "gas_pressure",
+    "Pext_hat": "outer_pressure",
+    "eta_hat": "viscosity",
+    "kappa": "kappa",
+    "nu": "poisson_ratio",
+}
+# What the constructors call a number, and what files call it.
+_KEY_OF_PLACE = {
+    "radius [m]": "R0_m",
+    "thickness [m]": "d_m",
+    "youngs_modulus [Pa]": "E_Pa",
+    "gas pressure [Pa]": "P0_Pa",
+    "outer pressure [Pa]": "Pext_Pa",
+    "density [kg/m^3]": "rho_f_kg_m3",
+    "viscosity [Pa s]": "eta_f_Pa_s",
+    "thickness (d_hat)": "d_hat",
+    "gas_pressure (P0_hat)": "P0_hat",
+    "outer_pressure (Pext_hat)": "Pext_hat",
+    "viscosity (eta_hat)": "eta_hat",
+    "kappa": "kappa",
+    "poisson_ratio": "nu",
+}
+# The SI keys that make a dimensionless number.
+_MADE_FROM = {
+    "d_hat": "d_m and R0_m",
+    "P0_hat": "P0_Pa, E_Pa, d_m and R0_m",
+    "Pext_hat": "Pext_Pa, E_Pa, d_m and R0_m",
+    "eta_hat": "eta_f_Pa_s and the others",
+}
+
+
+def read_conditions(path: str | Path) -> tuple[Reduced, Scales | None]:
+    """The conditions in a JSON object with the keys of a trace's header.
+
+    Args:
+        path: A JSON file, `{"d_hat": 0.22, "P0_hat": 0.9, …}` or with SI keys.
+
+    Returns:
+        The problem, and the SI values of its units where the file gives SI.
+
+    Raises:
+        BadFile: Not a JSON object, or conditions missing.
+        BadName: A key twice, or in other letters.
+        BadUnits: Keys of both families.
+        BadValue: A number outside its meaning.
+    """
+    problem, units = conditions(read_entries(path), str(path))
+    if problem is None:
+        raise BadFile(
+            str(path),
+            found="no conditions",
+            expected=f"the keys {_listed(REDUCED_KEYS)}, or {_listed(SI_KEYS)}",
+            remedy="Add them.",
+        )
+    return problem, units
+
+
+def read_entries(path: str | Path) -> tuple[Entry, ...]:
+    """Keys and values of a JSON object, as header entries.
+
+    Raises:
+        BadFile: Not a JSON object.
+    """
+    text = read_text(path)
+    try:
+        pairs = json.loads(text, object_pairs_hook=tuple)
+    except json.JSONDecodeError as error:
+        raise BadFile(
+            f"{path}, row {error.lineno}, position {error.colno}",
+            found=error.msg,
+            expected="a JSON object",
+            remedy="Check commas, quotes and braces there.",
+        ) from None
+    except (ValueError, RecursionError) as error:
+        raise BadFile(str(path), found=str(error), expected="a JSON object", remedy="Simplify the file.") from None
+    if not isinstance(pairs, tuple):
+        raise BadFile(
+            str(path),
+            found=f"a JSON {type(pairs).__name__}",
+            expected="a JSON object",
+            remedy='Write `{"d_hat": 0.22, …}`.',
+        )
+    return tuple(Entry(key, _text(value), f"{path}, key `{key}`") for key, value in pairs)
+
+
+def conditions(entries: Sequence[Entry], source: str) -> tuple[Reduced | None, Scales | None]:
+    """The problem that header entries describe, None where they hold no conditions.
+
+    Args:
+        entries: The file's entries; those that are not conditions are passed over.
+        source: The file, for messages.
+
+    Raises:
+        BadFile: Part of the conditions is missing.
+        BadName: A key twice, or in other letters.
+        BadUnits: Keys of both families.
+        BadValue: A number outside its meaning.
+    """
+    given = condition_entries(entries)
+    if not given:
+        return None, None
+    reduced = [key for key in given if key in REDUCED_KEYS]
+    si = [key for key in given if key in SI_KEYS]
+    if reduced and si:
+        raise BadUnits(
+            given[si[0]].place,
+            found=f"SI keys ({', '.join(si)}) beside dimensionless ones ({', '.join(reduced)})",
+            expected="one family of conditions",
+            remedy="Remove the keys of one family.",
+        )
+    wanted = SI_KEYS if si else REDUCED_KEYS
+    missing = [key for key in wanted if key not in given and key not in OPTIONAL_KEYS]
+    if missing:
+        instead = "" if reduced or si else f", or {_listed(SI_KEYS)}"
+        raise BadFile(
+            source,
+            found=f"conditions without {', '.join(missing)}",
+            expected=f"{_listed(wanted)}{instead}",
+            remedy="Add the missing keys, or remove the conditions.",
+        )
+    number = {key: _number(entry) for key, entry in given.items()}
+    try:
+        return _si_problem(number) if si else (_reduced_problem(number), None)
+    except BadValue as error:
+        raise _placed(error, given, source) from None
+    except ArithmeticError:
+        raise BadValue(
+            source,
+            found="SI conditions whose units of length, time or pressure overflow",
+            expected="numbers of the laboratory",
+            remedy="Check powers of ten.",
+        ) from None
+
+
+def condition_entries(entries: Sequence[Entry]) -> dict[str, Entry]:
+    """The entries that are conditions, by key.
+
+    Raises:
+        BadName: A key twice, or in other letters than the registry's.
+        BadValue: A value that is not a number.
+    """
+    spelling = {key.lower(): key for key in CONDITION_KEYS}
+    given: dict[str, Entry] = {}
+    for entry in entries:
+        key = spelling.get(entry.key.lower())
+        if key is None:
+            continue
+        if entry.key != key:
+            raise BadName(entry.place, found=f"the key {entry.key}", expected=key, remedy=f"Write it `{key}`.")
+        _add_once(given, entry)
+        _number(entry)
+    return given
+
+
+def outcome(entries: Sequence[Entry]) -> int:
+    """How the run ended that made the file; `ok` where it does not say."""
+    given: dict[str, Entry] = {}
+    for entry in entries:
+        if entry.key == "outcome":
+            _add_once(given, entry)
+    if not given:
+        return int(Outcome.OK)
+    entry = given["outcome"]
+    words = {member.word: int(member) for member in Outcome}
+    if entry.value not in words:
+        raise BadName(
+            entry.place,
+            found=f"the outcome {entry.value!r}",
+            expected="one of " + ", ".join(words),
+            remedy="Correct the word, or remove the line.",
+        )
+    return words[entry.value]
+
+
+def settings(entries: Sequence[Entry]) -> tuple[tuple[str, str], ...]:
+    """What the entries say beside conditions and outcome, in order."""
+    known = (*CONDITION_KEYS, "outcome")
+    return tuple((entry.key, entry.value) for entry in entries if entry.key not in known)
+
+
+def refuse_equals_signs(comments: Sequence[Entry]) -> None:
+    """Refuse `# d_hat = 0.22`, which would pass for a comment and lose the condition."""
+    for comment in comments:
+        key = comment.value.partition("=")[0].strip()
+        if "=" in comment.value and key in CONDITION_KEYS:
+            raise BadFile(
+                comment.place,
+                found=f"`{key} =`",
+                expected=f"`# {key}: value`",
+                remedy="Write a colon for the equals sign.",
+            )
+
+
+def reduced_lines(problem: Reduced) -> list[str]:
+    """Header lines of a problem without units."""
+    return _written(tuple(_FIELDS), [getattr(problem, name) for name in _FIELDS.values()])
+
+
+def si_lines(problem: Reduced, unit: Scales) -> list[str]:
+    """Header lines of the SI problem at given scales."""
+    shell, gas, liquid, load = problem.to_si(unit)
+    numbers = (shell.radius, shell.thickness, shell.youngs_modulus, gas.pressure, load.pressure)
+    numbers = (*numbers, liquid.density, liquid.viscosity, gas.kappa, shell.poisson_ratio)
+    return _written((*SI_KEYS, *SHARED_KEYS), numbers)
+
+
+def _written(keys: Sequence[str], numbers: Sequence[Number]) -> list[str]:
+    return [f"# {key}: {float(number)!r}" for key, number in zip(keys, numbers, strict=True)]
+
+
+def _reduced_problem(number: dict[str, float]) -> Reduced:
+    return Reduced(**{_FIELDS[key]: value for key, value in number.items()})
+
+
+def _si_problem(number: dict[str, float]) -> tuple[Reduced, Scales]:
+    ratio = {"poisson_ratio": number["nu"]} if "nu" in number else {}
+    exponent = {"kappa": number["kappa"]} if "kappa" in number else {}
+    shell = Shell(number["R0_m"], number["d_m"], number["E_Pa"], **ratio)
+    gas = Gas(number["P0_Pa"], **exponent)
+    liquid = Liquid(number["rho_f_kg_m3"], number["eta_f_Pa_s"])
+    load = Load(number["Pext_Pa"])
+    unit = scales(shell, liquid)
+    sizes = [unit.of(dimension) for dimension in ("volume", "time", "speed", "pressure", "energy")]
+    if not all(np.isfinite(size) and size > 0 for size in sizes):
+        raise OverflowError
+    return Reduced.from_si(shell, gas, liquid, load), unit
+
+
+def _number(entry: Entry) -> float:
+    value = float(entry.value) if NUMBER.fullmatch(entry.value) else np.nan
+    if not np.isfinite(value):
+        raise BadValue(
+            entry.place,
+            found=repr(entry.value),
+            expected="a finite number",
+            remedy="Write the number alone, such as 0.22 or 2.2e-1, without a unit.",
+        )
+    return value
+
+
+def _placed(error: BadValue, given: dict[str, Entry], source: str) -> BadValue:
+    """The same refusal, with file and key."""
+    key = _KEY_OF_PLACE.get(error.place, error.place)
+    if key in given:
+        return BadValue(given[key].place, found=error.found, expected=error.expected, remedy=error.remedy)
+    made_from = _MADE_FROM.get(key, "the conditions")
+    return BadValue(
+        source,
+        found=f"{key} = {error.found}, made from {made_from}",
+        expected=error.expected,
+        remedy=error.remedy,
+    )
+
+
+def _add_once(given: dict[str, Entry], entry: Entry) -> None:
+    if entry.key in given:
+        raise BadName(
+            entry.place,
+            found=f"`{entry.key}` a second time, first at {given[entry.key].place}",
+            expected="every key once",
+            remedy="Remove one of them.",
+        )
+    given[entry.key] = entry
+
+
+def _text(value) -> str:
+    """A JSON value as a header would hold it."""
+    if isinstance(value, str):
+        return value
+    return json.dumps(value) if isinstance(value, list | tuple | bool) or value is None else repr(value)
+
+
+def _listed(keys: Sequence[str]) -> str:
+    return ", ".join(keys)

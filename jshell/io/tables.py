@@ -1,0 +1,247 @@
+"""Traces and tables in CSV files: what may be read, and what is refused.
+
+Above the columns stand lines `# key: value`: the conditions (`d_hat`, `P0_hat`,
+… or `R0_m`, `d_m`, …), the outcome, and settings in the user's own words. Then
+come a row of names and the numbers. A name alone is dimensionless; `V [mm^3]`
+has a unit, and needs SI conditions to lose it. `sigma_V` is the standard error
+of `V`. What would make a wrong answer later is refused here, with its place.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import jax
+import numpy as np
+
+from jshell.errors import BadFile, BadName, BadShape, BadUnits, BadValue, Outcome
+from jshell.io import headers
+from jshell.io.columns import (
+    SIGMA,
+    Columns,
+    check_finite,
+    check_roles,
+    check_times,
+    check_values,
+    dimension_of,
+    dimensionless,
+    si_unit,
+)
+from jshell.io.sheets import Entry, Sheet, entry, read_sheet
+from jshell.shell.parameters import Reduced, Scales
+from jshell.trace import Trace, Values
+
+
+def read_trace(path: str | Path, meta: str | Path | None = None) -> Trace:
+    """A trace from a CSV file.
+
+    Args:
+        path: The file: a column `t`, at least one channel, at least two rows.
+        meta: A JSON file with the keys of a header, for files without conditions. Where both have
+            conditions they must agree.
+
+    Returns:
+        The trace, dimensionless. `scales` is set where the conditions are SI, `conditions` is None
+        where neither file has any.
+
+    Raises:
+        BadFile: Not a file of columns, or part of the conditions is missing.
+        BadName: No column `t`, no channel, a `sigma_` without its channel, an unknown outcome.
+        BadUnits: Units that are unknown, mixed, in contradiction to the name, or without SI conditions.
+        BadValue: A number outside its meaning: time that stands still, a volume above the sphere's.
+    """
+    sheet = read_sheet(path, ("t",))
+    headers.refuse_equals_signs(sheet.comments)
+    extra = () if meta is None else headers.read_entries(meta)
+    problem, unit = _agreed(sheet, extra, meta)
+
+    columns = dimensionless(sheet, unit)
+    check_finite(columns, sheet.place)
+    times = columns.pop("t")
+    channels: dict[str, Values] = {name: x for name, x in columns.items() if not name.startswith(SIGMA)}
+    sigma: dict[str, Values] = {name.removeprefix(SIGMA): x for name, x in columns.items() if name.startswith(SIGMA)}
+    check_roles(list(channels), list(sigma), sheet.place)
+    if times.size == 1:
+        raise BadFile(
+            str(path), found="a single row of numbers", expected="at least two", remedy="Use a longer record."
+        )
+    check_times(times, sheet.place)
+    check_values(columns, sheet.place)
+
+    own = [line.key for line in sheet.entries]
+    entries = (*sheet.entries, *(line for line in extra if line.key not in own))
+    return Trace(times, channels, problem, sigma, headers.outcome(entries), headers.settings(entries), unit)
+
+
+def read_table(
+    path: str | Path, required: Sequence[str] = (), optional: Sequence[str] | None = None
+) -> dict[str, np.ndarray]:
+    """The columns of a CSV file that need not be a record in time.
+
+    Args:
+        path: The file.
+        required: Columns it must have.
+        optional: Columns it may have beside them; None allows any.
+
+    Returns:
+        Name to (rows,) values, dimensionless, in the order of the file.
+
+    Raises:
+        BadFile, BadUnits, BadValue: As for `read_trace`.
+        BadName: A required column is missing, or a column is neither required nor optional.
+    """
+    sheet = read_sheet(path, required)
+    headers.refuse_equals_signs(sheet.comments)
+    headers.condition_entries(sheet.entries)
+    if optional is not None:
+        known = (*required, *optional)
+        for name in sheet.names:
+            if name not in known:
+                raise BadName(
+                    sheet.place(name),
+                    found="a column of this name",
+                    expected="one of " + ", ".join(known),
+                    remedy="Correct the name or remove the column.",
+                )
+    # A table may vary what a header would fix, so its conditions matter only where there are units.
+    with_units = any(unit is not None for unit in sheet.units)
+    unit = headers.conditions(sheet.entries, str(path))[1] if with_units else None
+    columns = dimensionless(sheet, unit)
+    check_values(columns, sheet.place)
+    return columns
+
+
+def write_trace(path: str | Path, trace: Trace, units: str = "reduced") -> None:
+    """Write a trace so that `read_trace` reads it back.
+
+    Conditions and times keep all their digits, in SI to 1e-15 of their value; channels keep twelve.
+
+    Args:
+        path: The file; an old one is replaced.
+        trace: One trace, not a batch; it must pass the reader's checks.
+        units: `reduced` for dimensionless columns and conditions, which leaves the scales out;
+            `si` for both in SI.
+
+    Raises:
+        BadFile: The file cannot be written.
+        BadName: Another word for `units`, or a name that a header or a column row cannot hold.
+        BadShape: A batch of traces.
+        BadUnits: SI asked of a trace without scales or conditions.
+        BadValue: Values that the reader would refuse.
+    """
+    columns = _checked(trace)
+    if units == "reduced":
+        header = [] if trace.conditions is None else headers.reduced_lines(trace.conditions)
+        names = list(columns)
+    elif units == "si":
+        if trace.scales is None or trace.conditions is None:
+            missing = "scales" if trace.scales is None else "conditions"
+            raise BadUnits(
+                "trace",
+                found=f"no {missing}",
+                expected="scales and conditions, to write SI",
+                remedy='Write it with units="reduced", or set them.',
+            )
+        header = headers.si_lines(trace.conditions, trace.scales)
+        names = [f"{name} [{si_unit(name)}]" for name in columns]
+        with np.errstate(over="ignore", under="ignore"):
+            columns = {name: values * trace.scales.of(dimension_of(name)) for name, values in columns.items()}
+        check_finite(columns, _sample)
+    else:
+        raise BadName(
+            "argument `units`", found=repr(units), expected="reduced or si", remedy="Choose one of the two words."
+        )
+    header.append(f"# outcome: {Outcome(int(trace.outcome)).word}")
+    header += [_setting_line(key, value) for key, value in trace.settings]
+
+    row = ",".join(["%r", *["%.12g"] * (len(columns) - 1)])
+    table = np.stack(list(columns.values()), axis=1).tolist()
+    lines = [*header, ",".join(names), *(row % tuple(numbers) for numbers in table)]
+    try:
+        Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
+    except OSError as error:
+        raise BadFile(
+            str(path), found=str(error), expected="a file that can be written", remedy="Check folder and permissions."
+        ) from None
+
+
+def _agreed(sheet: Sheet, extra: Sequence[Entry], meta: str | Path | None) -> tuple[Reduced | None, Scales | None]:
+    """Conditions of the file, or else of `meta`; where both have them they must agree."""
+    problem, unit = headers.conditions(sheet.entries, str(sheet.path))
+    other, other_unit = headers.conditions(extra, str(meta))
+    if problem is None or other is None:
+        return (other, other_unit) if problem is None else (problem, unit)
+    for name in ("thickness", "gas_pressure", "outer_pressure", "viscosity", "kappa", "poisson_ratio"):
+        ours, theirs = getattr(problem, name), getattr(other, name)
+        if not np.isclose(ours, theirs, rtol=1e-9, atol=0):
+            raise BadValue(
+                f"{sheet.path} and {meta}",
+                found=f"{name} {ours:.10g} in one and {theirs:.10g} in the other",
+                expected="the same conditions",
+                remedy="Remove the conditions from one of the two files.",
+            )
+    return problem, unit if unit is not None else other_unit
+
+
+def _checked(trace: Trace) -> Columns:
+    """The trace's columns, which the reader would accept."""
+    times = np.asarray(trace.times, dtype=float)
+    numbers = [trace.outcome, *jax.tree.leaves(trace.conditions)]
+    if times.ndim != 1 or any(np.ndim(number) != 0 for number in numbers):
+        raise BadShape(
+            "trace",
+            found=f"times of shape {times.shape}, outcome and conditions of shapes {[np.shape(x) for x in numbers]}",
+            expected="one trace: times of shape (times,) and scalars",
+            remedy="Write a batch one by one.",
+        )
+    if int(trace.outcome) not in list(Outcome):
+        raise BadValue(
+            "trace, outcome",
+            found=str(trace.outcome),
+            expected=f"an integer from 0 to {max(Outcome)}",
+            remedy="Take it from `Outcome`.",
+        )
+    channels = {name: np.asarray(values, dtype=float) for name, values in trace.channels.items()}
+    sigma = {name: np.asarray(values, dtype=float) for name, values in trace.sigma.items()}
+    check_roles(list(channels), list(sigma), lambda name: f"trace, channel `{name}`")
+    for name in channels:
+        spoiled = name == "t" or name.startswith(SIGMA) or set(name) & set(",[]\n\r\0")
+        if not name or spoiled or name != name.strip():
+            raise BadName(
+                f"trace, channel {name!r}",
+                found="a name that a column row cannot hold",
+                expected="a word other than `t`, not starting with `sigma_`, without commas or brackets",
+                remedy="Rename the channel.",
+            )
+    columns = {"t": times, **channels, **{SIGMA + name: values for name, values in sigma.items()}}
+    for name, values in columns.items():
+        if values.shape != times.shape:
+            raise BadShape(
+                f"trace, channel `{name}`",
+                found=f"shape {values.shape}",
+                expected=f"shape {times.shape}, one value per time",
+                remedy="Cut or resample the channel.",
+            )
+    if times.size < 2:
+        raise BadValue("trace", found=f"{times.size} samples", expected="at least two", remedy="Use a longer record.")
+
+    check_values(columns, _sample)
+    check_times(times, _sample)
+    return columns
+
+
+def _sample(name: str, sample: int) -> str:
+    return f"trace, channel `{name}`, sample {sample}"
+
+
+def _setting_line(key: str, value: str) -> str:
+    line = f"# {key}: {value}"
+    back = entry(line, "")
+    taken = key.lower() in {word.lower() for word in (*headers.CONDITION_KEYS, "outcome")}
+    if taken or "\r" in line or "\0" in line or back is None or (back.key, back.value) != (key, value):
+        raise BadName(
+            f"trace, setting {key!r}",
+            found=repr(value),
+            expected="a key of one word that is no condition, and a value of one line",
+            remedy="Rename the key, or put the value in one line.",
+        )
+    return line

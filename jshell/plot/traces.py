@@ -1,0 +1,248 @@
+"""Records in time: a channel as it was taken, and what was heard in it.
+
+Symbols    t time   V, S, H, W volume, area, height, width; relative to the stress-free sphere where asked
+           ω-, ω+ intrinsic frequencies, Ω² = ω² - 1/τ² damped ones   τ decay time
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from jshell.errors import BadName, BadValue, NotOk, Outcome
+from jshell.plot.style import BLACK, BLUE, CHANNEL, GREY, PALE, Axes, axes_or_new, style
+from jshell.quantities import QUANTITIES, UNITS, quantity
+from jshell.shell.elasticity import SPHERE_AREA, SPHERE_VOLUME
+from jshell.signals.signature import Signature, dip
+from jshell.trace import Trace
+
+# What a channel is compared with on the stress-free sphere, and how the ratio is written.
+SPHERE = {
+    "V": (SPHERE_VOLUME, "V/V₀"),
+    "S": (SPHERE_AREA, "S/S₀"),
+    "H": (2.0, "H/2R₀"),
+    "W": (2.0, "W/2R₀"),
+}
+# Units a laboratory reads, largest first; the largest in which the record reaches 1 is used.
+LABORATORY = {
+    "time": ("s", "ms", "µs"),
+    "length": ("mm", "µm"),
+    "area": ("mm^2", "µm^2"),
+    "volume": ("mL", "mm^3", "µm^3"),
+    "speed": ("m/s", "mm/s"),
+    "pressure": ("MPa", "kPa", "Pa"),
+    "energy": ("J",),
+}
+POWERS = str.maketrans({"2": "²", "3": "³", "^": None})
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How one column of a trace is read on an axis: times `factor`, under `label`, in short `symbol`."""
+
+    factor: float
+    label: str
+    symbol: str
+
+
+def reading(trace: Trace, name: str, *, relative: bool = False, laboratory: bool = False) -> Reading:
+    """How to read a channel, or the time `t`, on an axis.
+
+    Args:
+        trace: The record.
+        name: Channel, or `t`.
+        relative: Against the stress-free sphere, where that has a meaning: V, S, H, W of a dimensionless record.
+        laboratory: In SI units of a convenient size; needs the record's scales.
+
+    Raises:
+        BadValue: Laboratory units of a record that has no scales.
+    """
+    if laboratory and trace.scales is None:
+        raise BadValue(
+            "laboratory",
+            found="a trace without scales",
+            expected="a trace that knows its SI units",
+            remedy="Build it with scales=…, or plot it without units.",
+        )
+    if name not in QUANTITIES:
+        return Reading(1.0, name, name)
+    known = quantity(name)
+    bare = trace.conditions is None and trace.scales is None
+    if relative and name in SPHERE and not bare:
+        size, symbol = SPHERE[name]
+        return Reading(1 / size, f"{known.words} {symbol}", symbol)
+    if laboratory and trace.scales is not None and known.dimension in LABORATORY:
+        values = trace.times if name == "t" else trace[name]
+        reach = float(np.nanmax(np.abs(np.asarray(values)))) * trace.scales.of(known.dimension)
+        units = LABORATORY[known.dimension]
+        unit = next((u for u in units if reach >= UNITS[u][1]), units[-1])
+        factor = trace.scales.of(known.dimension) / UNITS[unit][1]
+        return Reading(factor, known.label(unit.translate(POWERS)), known.symbol)
+    if bare:
+        return Reading(1.0, known.label("s" if name == "t" else ""), known.symbol)
+    return Reading(1.0, known.label(), known.symbol)
+
+
+def channel(
+    trace: Trace,
+    name: str,
+    ax: Axes | None = None,
+    *,
+    relative: bool = True,
+    window: tuple[float, float] | None = None,
+    mark_dip: bool = True,
+    laboratory: bool = False,
+    **line: Any,
+) -> Axes:
+    """One channel of a trace in time.
+
+    Args:
+        trace: The record.
+        name: Channel.
+        ax: Where to draw; by default on a new figure.
+        relative: Against the stress-free sphere (V, S, H, W).
+        window: First and last time of a window to shade [the trace's time unit].
+        mark_dip: Mark the dip that ends the snap.
+        laboratory: In SI units of a convenient size; needs the trace's scales.
+        **line: Passed to the line, e.g. `color`, `label`.
+
+    Raises:
+        BadName: No such channel.
+        BadValue: Laboratory units of a record that has no scales.
+    """
+    values = np.asarray(trace[name], dtype=float)
+    time, shown = _time(trace, laboratory), reading(trace, name, relative=relative, laboratory=laboratory)
+    with style():
+        ax = axes_or_new(ax)
+        if window is not None:
+            low, high = (time.factor * edge for edge in window)
+            ax.axvspan(low, high, color=PALE, alpha=0.5, linewidth=0, zorder=0)
+        look = {"color": CHANNEL.get(name, BLUE), "label": shown.symbol} | line
+        ax.plot(time.factor * np.asarray(trace.times), shown.factor * values, **look)
+        if mark_dip:
+            at = dip(trace, (name,))
+            ax.axvline(time.factor * at, color=GREY, linewidth=0.8, linestyle=(0, (1, 2)), zorder=0.5)
+        ax.margins(x=0.0)
+        ax.set_xlabel(time.label)
+        ax.set_ylabel(shown.label)
+    return ax
+
+
+def two_modes(signature: Signature, name: str, times: Float[np.ndarray, "times"]) -> Float[np.ndarray, "times"]:
+    """The two-mode curve that was heard in a channel, in the channel's own unit.
+
+    Raises:
+        NotOk: Nothing was heard.
+        BadName: A channel without amplitudes.
+    """
+    slow, fast, tau = signature.omega_minus, signature.omega_plus, signature.tau
+    if signature.outcome != Outcome.OK or slow is None or fast is None or tau is None:
+        raise NotOk(f"signature ({signature.reason})", signature.outcome)
+    if name not in signature.amplitudes:
+        raise BadName(
+            f"channel {name!r}",
+            found="no amplitudes in the signature",
+            expected="one of " + ", ".join(signature.amplitudes),
+            remedy="Listen to that channel first.",
+        )
+    elapsed = times - signature.window[0]
+    damped = np.sqrt(np.array([slow, fast]) ** 2 - 1 / tau**2)
+    amplitude, phase = np.array(signature.amplitudes[name]), np.array(signature.phases[name])
+    waves = amplitude * np.cos(elapsed[:, None] * damped + phase)
+    return signature.offsets[name] + np.exp(-elapsed / tau) * waves.sum(axis=1)
+
+
+def heard(
+    trace: Trace,
+    signature: Signature,
+    name: str | None = None,
+    ax: Axes | None = None,
+    *,
+    relative: bool = True,
+    laboratory: bool = False,
+) -> Axes:
+    """A channel in its window, the two-mode curve over it, and what the curve leaves, at the same scale below.
+
+    Args:
+        trace: The record.
+        signature: What was heard in it.
+        name: Channel; by default the first one listened to.
+        ax: Where to draw; by default on a new figure.
+        relative: Against the stress-free sphere (V, S, H, W).
+        laboratory: In SI units of a convenient size, frequencies in Hz; needs the trace's scales.
+
+    Raises:
+        NotOk: Nothing was heard.
+        BadName: No such channel, or one without amplitudes.
+    """
+    name = signature.channels[0] if name is None else name
+    cut = trace.between(*signature.window)
+    times, values = np.asarray(cut.times, dtype=float), np.asarray(cut[name], dtype=float)
+    curve = two_modes(signature, name, times)
+    time, shown = (
+        _time(trace, laboratory),
+        reading(trace, name, relative=relative and not laboratory, laboratory=laboratory),
+    )
+    with style():
+        ax = axes_or_new(ax)
+        compare(
+            ax,
+            time.factor * times,
+            shown.factor * values,
+            shown.factor * curve,
+            color=CHANNEL.get(name, BLUE),
+            names=(shown.symbol, "two modes"),
+        )
+        ax.text(
+            0.985, 0.98, _numbers(signature, laboratory), transform=ax.transAxes, ha="right", va="top", fontsize=7.5
+        )
+        ax.set_xlabel(time.label)
+        ax.set_ylabel(shown.label)
+    return ax
+
+
+def compare(
+    ax: Axes,
+    times: Float[np.ndarray, "times"],
+    data: Float[np.ndarray, "times"],
+    curve: Float[np.ndarray, "times"],
+    *,
+    color: str,
+    names: tuple[str, str],
+) -> None:
+    """Data, the curve over them, and their difference about a line of its own below, at the same scale."""
+    left = data - curve
+    high, low = max(data.max(), curve.max()), min(data.min(), curve.min())
+    tall = high - low
+    base = low - 0.12 * tall - max(float(left.max()), 0.04 * tall)
+    ax.plot(times, data, color=color, linewidth=3.2, alpha=0.55, solid_capstyle="round", label=names[0])
+    ax.plot(times, curve, color=BLACK, linewidth=0.9, label=names[1])
+    ax.axhline(base, color=PALE, linewidth=0.8, zorder=0.5)
+    ax.plot(times, base + left, color=GREY, linewidth=0.9, label="residual")
+
+    ax.margins(x=0.0)
+    ax.set_ylim(base + min(float(left.min()), 0.0) - 0.24 * tall, high + 0.30 * tall)
+    # the value axis belongs to the data: no numbers beside the residual
+    ticks = np.asarray(ax.get_yticks())
+    ax.set_yticks(ticks[(ticks >= low - 0.06 * tall) & (ticks <= high + 0.1 * tall)])
+    ax.legend(loc="lower center", ncols=3, columnspacing=1.2)
+
+
+def _time(trace: Trace, laboratory: bool) -> Reading:
+    return reading(trace, "t", laboratory=laboratory)
+
+
+def _numbers(signature: Signature, laboratory: bool) -> str:
+    """Frequencies and decay time with errors, as lines of text."""
+    unit = signature.frequency_unit if laboratory else None
+    rows = []
+    for key, letter in (("omega_minus", "f₋"), ("omega_plus", "f₊")):
+        value, error = getattr(signature, key), signature.stderr[key]
+        if unit is None:
+            rows.append(f"{quantity(key).symbol} = {value:.3f} ± {error:.3f}")
+        else:
+            rows.append(f"{letter} = {value * unit:.4g} ± {error * unit:.1g} Hz")
+    if unit is None:
+        rows.append(f"{quantity('tau').symbol} = {signature.tau:.2f} ± {signature.stderr['tau']:.2f}")
+    return "\n".join(rows)

@@ -1,0 +1,8 @@
+"""Listening: from a trace to two frequencies, a decay time and a verdict."""
+
+from jshell.signals.damped_pair import DampedModes, fit
+from jshell.signals.pencil import rates
+from jshell.signals.signature import Signature, extract, verdict
+from jshell.signals.snap import dip, ring_down_start
+
+__all__ = ["DampedModes", "Signature", "dip", "extract", "fit", "rates", "ring_down_start", "verdict"]
