@@ -38,12 +38,12 @@ class Outcome(enum.IntEnum):
 
 _ADVICE = {
     Outcome.OK: "the computation converged",
-    Outcome.NOT_CONVERGED: "the solver did not converge: try a load nearer to one that works, more elements, or other starts",
+    Outcome.NOT_CONVERGED: "the solver did not converge: try a load nearer to one that works, or other starts",
     Outcome.CONTACT: "the two poles touch: lower the outer pressure or raise the gas pressure",
     Outcome.MESH: "the mesh was spoiled or the motion ran away: try more elements or a smaller step",
-    Outcome.NO_BUCKLED_STATE: "no buckled state at this load, the shell returned to the sphere: raise the outer pressure",
+    Outcome.NO_BUCKLED_STATE: "no buckled state at this load, the shell is a sphere: raise the outer pressure",
     Outcome.OUT_OF_RANGE: "the parameters lie outside the range the method was built for",
-    Outcome.RANK_DEFICIENT: "the data leave a direction of the parameters free: add a second pressure or shape, or fix one",
+    Outcome.RANK_DEFICIENT: "the data leave parameters free: add a second pressure or shape, or fix one",
     Outcome.AT_BOUND: "a parameter ended on its bound: widen the bound or question the model",
     Outcome.STALLED: "the solver stopped making progress before it converged: try other starts",
     Outcome.UNUSABLE_DATA: "the data cannot carry this analysis: use a longer or cleaner record",

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 HERE = Path(__file__).parent
-REFERENCE = HERE.parents[1] / "tests" / "data" / "trace_R_attached.csv"
+REFERENCE = HERE.parents[1] / "tests" / "data" / "reference" / "trace_R_attached.csv"
 NOISE = 0.003  # of each channel's standard deviation over the record
 SAMPLING = 1e-3  # [s]
 CONDITIONS = {

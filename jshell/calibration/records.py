@@ -96,6 +96,9 @@ def chosen_channels(
             trace[name]
     if loss is None:
         loss = "strict" if set(names) == {"V", "S"} else "modal"
+    for name in names:
+        for number, trace in enumerate(traces, 1):
+            _refuse_still(np.asarray(trace[name], dtype=float), name, number)
     if not names:
         raise BadName("channels", found="none in common", expected="a channel in every trace", remedy="Name some.")
     if loss == "strict" and set(names) != {"V", "S"}:
@@ -106,6 +109,17 @@ def chosen_channels(
             remedy='Choose channels=("V", "S"), or loss="modal", which takes any channel.',
         )
     return loss, ("V", "S") if loss == "strict" else names
+
+
+def _refuse_still(values: np.ndarray, name: str, number: int) -> None:
+    """A channel that does not move says nothing of any constant."""
+    if np.std(values) <= 1e-9 * np.max(np.abs(values)):
+        raise BadValue(
+            f"trace {number}, channel {name!r}",
+            found=f"the constant {values[0]:g} in the window",
+            expected="a motion",
+            remedy="Choose another channel, or a window in which the shell rings.",
+        )
 
 
 def noise_of(values: np.ndarray) -> float:

@@ -60,7 +60,7 @@ def find_modes(elapsed: np.ndarray, data: np.ndarray) -> Modes | None:
         if heard.size < 2:
             continue
         s = heard[:2]
-        s = -np.maximum(-s.real, 1e-3) + 1j * s.imag
+        s = -np.maximum(-np.real(s), 1e-3) + 1j * np.imag(s)
         s = s[np.argsort(np.abs(s))]
         amplitudes, offsets, left = _amplitudes(elapsed, data, s)
         rms = float(np.sqrt(np.mean(left.var(axis=1) / data.var(axis=1))))

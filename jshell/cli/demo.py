@@ -160,7 +160,7 @@ def rest_rows(rest, undamped, damped, attached) -> list[tuple]:
     ]
     for k, (sign, key) in enumerate((("−", "omega_minus"), ("+", "omega_plus"))):
         rows.append((f"ω{sign}, Stokes layer", damped.omega[k], SOURCE_ROWS["simulation"][key], paper))
-        rows.append((f"τ of it, Stokes layer", damped.tau[k], None, "not published per mode"))
+        rows.append(("τ of it, Stokes layer", damped.tau[k], None, "not published per mode"))
     for k, (sign, key) in enumerate((("−", "omega_minus"), ("+", "omega_plus"))):
         rows.append(
             (

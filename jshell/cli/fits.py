@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 
 from jshell import calibration, io
@@ -65,14 +66,14 @@ def fit(
     if plot is not None:
         from jshell import plot as pictures
 
-        figure = pictures.fitted(found, traces) if traces else pictures.master(rows, found)
-        pictures.save(figure, plot)
+        axes = pictures.trace_fit(found, traces) if traces else pictures.master_curve(rows, found)
+        pictures.save(np.ravel(np.asarray(axes))[0].figure, plot)
         log(f"wrote {plot}")
     if as_json:
         say(fit_record(found))
     else:
         typer.echo(found.report())
-    finish(found.outcome)
+    finish(found.outcome, sound=not any(text.startswith("misfit") for text in found.warnings))
 
 
 def fit_record(found: calibration.FitResult) -> dict:

@@ -193,6 +193,6 @@ def with_conditions(verb: Callable[..., None]) -> Callable[..., None]:
         verb(conditions(**{name: given.pop(name) for name in options}), **given)
 
     shown = sorted((*own, *options.values()), key=lambda p: p.default is not inspect.Parameter.empty)
-    wrapped.__signature__ = inspect.Signature(shown)  # pyright: ignore[reportFunctionMemberAccess]
+    wrapped.__signature__ = inspect.Signature(shown)  # pyright: ignore[reportAttributeAccessIssue]
     wrapped.__annotations__ = {p.name: p.annotation for p in shown}
     return wrapped

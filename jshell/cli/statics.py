@@ -1,4 +1,4 @@
-"""`jshell rest`, `jshell modes` and `jshell frequencies`: a shell at rest, how it vibrates, what the short model says."""
+"""`jshell rest`, `modes` and `frequencies`: a shell at rest, how it vibrates, what the short model says."""
 
 from typing import Annotated
 
@@ -46,7 +46,7 @@ def rest(
     """Rest shape: volume, area and inner pressure of a shell at a load."""
     found = membrane.rest(
         problem.conditions,
-        branch=branch,  # pyright: ignore[reportArgumentType]  (membrane.rest refuses other words)
+        branch=branch,
         elements=elements,
         attached=attached,
         weak_spot=weak_spot(spot, NO_WEAK_SPOT),
@@ -96,7 +96,7 @@ def modes(
         problem.conditions,
         count=count,
         stokes_layer=stokes_layer,
-        branch=branch,  # pyright: ignore[reportArgumentType]
+        branch=branch,
         elements=elements,
         attached=attached,
         weak_spot=weak_spot(spot, NO_WEAK_SPOT),

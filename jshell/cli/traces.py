@@ -11,6 +11,7 @@ from jshell.cli.output import Json, finish, log, say, speaking, table
 from jshell.cli.problem import Problem, with_conditions
 from jshell.cli.statics import Attached, Elements, Spot, weak_spot
 from jshell.contour import WeakSpot
+from jshell.dynamics import LONGEST_STEP
 from jshell.errors import BadName, BadUnits, Outcome
 from jshell.shell import SPHERE_AREA, SPHERE_VOLUME
 from jshell.trace import Trace
@@ -24,7 +25,7 @@ def simulate(
     ramp: Annotated[float, typer.Option(help="Time the outer pressure takes from P0 to Pext; 0 is a step.")] = 25.0,
     duration: Annotated[float, typer.Option(help="Length of the run.")] = 70.0,
     every: Annotated[float, typer.Option(help="Spacing of the samples.")] = 0.05,
-    step: Annotated[float, typer.Option(help="Longest time step.")] = dynamics.simulate.__kwdefaults__["step"],
+    step: Annotated[float, typer.Option(help="Longest time step.")] = LONGEST_STEP,
     elements: Elements = 32,
     attached: Attached = 0.0,
     spot: Spot = None,

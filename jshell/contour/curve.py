@@ -171,8 +171,9 @@ def meridian(elements: int = 32, attached: float = 0.0) -> Meridian:
 
     sphere_x = np.linalg.lstsq(even(angles), np.cos(angles), rcond=None)[0]
     sphere_r = np.linalg.lstsq(odd(angles), np.sin(angles), rcond=None)[0]
-    if attached:
-        moves = np.concatenate([~even.touching(breaks[edge]), ~odd.touching(breaks[edge])])
+    if edge is not None:
+        held_from = float(breaks[edge])
+        moves = np.concatenate([~even.touching(held_from), ~odd.touching(held_from)])
         shift = np.zeros(even.size + odd.size)
     else:
         moves = np.ones(even.size + odd.size, dtype=bool)

@@ -73,7 +73,7 @@ def _fold(knots: np.ndarray, count: int, parity: str) -> np.ndarray:
     centres = np.array([knots[j : j + DEGREE + 2].mean() for j in range(count)])
     touches = (stops > 1e-12) & (starts < np.pi - 1e-12)
     columns = []
-    for j in np.flatnonzero(touches & (centres > -1e-9) & (centres < np.pi + 1e-9)):
+    for j in map(int, np.flatnonzero(touches & (centres > -1e-9) & (centres < np.pi + 1e-9))):
         column = np.zeros(count)
         column[j] += 1.0
         for pole in (0.0, np.pi):

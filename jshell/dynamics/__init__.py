@@ -2,6 +2,6 @@
 
 from jshell.dynamics.modes import Modes, modes
 from jshell.dynamics.protocol import Hold, Ramp
-from jshell.dynamics.simulate import simulate
+from jshell.dynamics.simulate import LONGEST_STEP, simulate
 
-__all__ = ["Hold", "Modes", "Ramp", "modes", "simulate"]
+__all__ = ["LONGEST_STEP", "Hold", "Modes", "Ramp", "modes", "simulate"]

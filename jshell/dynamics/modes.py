@@ -77,11 +77,11 @@ def modes(
     *,
     count: int = 4,
     stokes_layer: bool = True,
-    branch: Branch = "buckled",
+    branch: Branch | str = "buckled",
     elements: int = 32,
     attached: float = 0.0,
     weak_spot: WeakSpot = NO_WEAK_SPOT,
-    area: Area = "current",
+    area: Area | str = "current",
     throw: bool = False,
 ) -> Modes:
     """Small vibrations about a rest shape; differentiable and vmappable in the conditions.
@@ -115,7 +115,7 @@ def modes(
     return found
 
 
-def matrices(state: RestShape, conditions: Reduced, area: Area = "current") -> Matrices:
+def matrices(state: RestShape, conditions: Reduced, area: Area | str = "current") -> Matrices:
     """K, M and G about a rest shape."""
     shape, q = state.meridian, state.coordinates
     current = flow(shape, q)
@@ -125,7 +125,7 @@ def matrices(state: RestShape, conditions: Reduced, area: Area = "current") -> M
 
 
 @eqx.filter_jit
-def vibrations(state: RestShape, conditions: Reduced, count: int, stokes_layer: bool, area: Area) -> Modes:
+def vibrations(state: RestShape, conditions: Reduced, count: int, stokes_layer: bool, area: Area | str) -> Modes:
     """Small vibrations about a given rest shape."""
     parts = matrices(state, conditions, area)
     frozen = jax.lax.stop_gradient(parts)

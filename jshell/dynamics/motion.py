@@ -97,7 +97,7 @@ def at_pressure(conditions: Reduced, pressure: Scalar) -> Reduced:
 
 
 def launch(
-    body: Body, q: Float[Array, "coordinates"], u: Float[Array, "coordinates"], pressure: Scalar, area: Area
+    body: Body, q: Float[Array, "coordinates"], u: Float[Array, "coordinates"], pressure: Scalar, area: Area | str
 ) -> State:
     """The state of a shape that starts with a velocity under an outer pressure."""
     start = inertia(body, q, u)
@@ -107,7 +107,7 @@ def launch(
     return State(q, u, start.mass @ u, force * held, u, u)
 
 
-def advance(body: Body, state: State, pressure: Scalar, step: Scalar, radius: float, area: Area) -> State:
+def advance(body: Body, state: State, pressure: Scalar, step: Scalar, radius: float, area: Area | str) -> State:
     """One step of generalised-α.
 
     Args:

@@ -26,7 +26,7 @@ class Ramp(eqx.Module):
     def __call__(self, t: Float[Array, "..."]) -> Float[Array, "..."]:
         safe = jnp.where(self.duration > 0, self.duration, 1.0)
         done = jnp.where(self.duration > 0, jnp.clip(t / safe, 0.0, 1.0), 1.0)
-        return self.start + (self.stop - self.start) * done
+        return jnp.asarray(self.start + (self.stop - self.start) * done)
 
 
 class Hold(eqx.Module):
@@ -35,4 +35,4 @@ class Hold(eqx.Module):
     pressure: Scalar
 
     def __call__(self, t: Float[Array, "..."]) -> Float[Array, "..."]:
-        return self.pressure + 0.0 * t
+        return jnp.asarray(self.pressure + 0.0 * t)

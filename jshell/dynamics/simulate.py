@@ -12,9 +12,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Float, Int
 
-from jshell.contour import NO_WEAK_SPOT, WeakSpot, area, gap, height, poles, speed, volume, wall_profile, width
+from jshell.contour import WeakSpot, area, gap, height, poles, speed, volume, wall_profile, width
 from jshell.dynamics.modes import vibrations
 from jshell.dynamics.motion import Body, State, advance, launch
 from jshell.dynamics.protocol import Hold, Ramp
@@ -23,11 +24,12 @@ from jshell.flow import single_frequency
 from jshell.membrane import RestShape, elastic_energy, gas_energy, rest_shape, wall
 from jshell.membrane.energy import Area, check_area
 from jshell.membrane.rest import CONTACT_GAP, cached_meridian, raise_unless_ok
+from jshell.shell.elasticity import Scalar
 from jshell.shell.parameters import Reduced
 from jshell.shell.rest import gas_pressure
 from jshell.trace import Trace
 
-STEP = 0.025  # longest step [time unit]: a twentieth of the period of mode 4 of R
+LONGEST_STEP = 0.025  # [time unit]: a sixtieth of the period of mode 4 of R
 RADIUS = 0.5  # spectral radius at infinity: 0.8 lets an undamped massless wall run away, 0 damps the modes
 LARGEST_MOVE = 0.2  # no node may move further than this in a step [R0]
 STRETCH = (0.2, 5.0)  # a meridional stretch outside is a spoiled mesh [-]
@@ -46,9 +48,9 @@ def simulate(
     elements: int = 32,
     attached: float = 0.0,
     weak_spot: WeakSpot | None = None,
-    stokes_frequency: float | complex | None = None,
-    step: float = STEP,
-    area: Area = "current",
+    stokes_frequency: Scalar | complex | None = None,
+    step: float = LONGEST_STEP,
+    area: Area | str = "current",
     throw: bool = False,
 ) -> Trace:
     """Simulate a shell: by default from the stress-free sphere, ramped to the outer pressure, then held.
@@ -129,7 +131,7 @@ def run(
     every: float,
     count: int,
     inner: int,
-    area: Area,
+    area: Area | str,
 ) -> Record:
     """The compiled run: `count` samples after the first, `inner` steps between two."""
     h = every / inner
@@ -173,7 +175,7 @@ def _event(body: Body, before: State, after: State) -> Int[Array, ""]:
     return jnp.where(spoiled, Outcome.MESH, jnp.where(touching, Outcome.CONTACT, Outcome.OK))
 
 
-def _sample(body: Body, state: State, pressure, energy: Area) -> Float[Array, "channels"]:
+def _sample(body: Body, state: State, pressure, energy: Area | str) -> Float[Array, "channels"]:
     shape, q = body.shape, state.q
     V = volume(shape, q)
     front, back = poles(shape, q)
@@ -201,12 +203,12 @@ def _reference_frequency(shape, conditions, profile, given, start, energy):
     ok = jnp.asarray(int(Outcome.OK))
     if given is not None:
         oscillation = np.imag(given) if np.iscomplexobj(given) else given
-        if not isinstance(given, jax.core.Tracer) and not (np.isfinite(given) and oscillation > 0):
+        if not isinstance(given, Tracer) and not (np.isfinite(given) and oscillation > 0):
             raise BadValue(
                 "stokes_frequency", found=repr(given), expected="above 0", remedy="Leave it out for the default."
             )
         return given, ok
-    if not isinstance(conditions.viscosity, jax.core.Tracer) and np.all(np.asarray(conditions.viscosity) == 0):
+    if not isinstance(conditions.viscosity, Tracer) and np.all(np.asarray(conditions.viscosity) == 0):
         return 1.0, ok
     final = rest_shape(shape, conditions, profile, "buckled", energy) if start is None else start
     pair = vibrations(final, conditions, 2, False, energy)
@@ -231,7 +233,7 @@ def _check_times(duration, every, step, ramp):
             raise BadValue(
                 name, found=repr(value), expected="a finite time above 0", remedy="70, 0.05 and 0.025 are usual."
             )
-    if not isinstance(ramp, jax.core.Tracer) and not (np.isfinite(ramp) and ramp >= 0):
+    if not isinstance(ramp, Tracer) and not (np.isfinite(ramp) and ramp >= 0):
         raise BadValue(
             "ramp", found=repr(ramp), expected="a finite time of at least 0", remedy="25 is slow enough for R."
         )
@@ -244,7 +246,7 @@ def _check_times(duration, every, step, ramp):
 def _trace(conditions, record, outcome, every, count, shape, frequency, step, protocol, weak_spot, throw) -> Trace:
     samples, times = record.samples, every * jnp.arange(count + 1)
     settings = [("elements", str(shape.elements)), ("attached", repr(shape.attached)), ("step", repr(step))]
-    if not isinstance(samples, jax.core.Tracer):
+    if not isinstance(samples, Tracer):
         if throw:
             raise_unless_ok("simulation", outcome)
         samples, times = samples[: int(record.good)], times[: int(record.good)]

@@ -6,5 +6,6 @@ from jshell.flow.stokes_layer import SingleFrequency, single_frequency, slip_mat
 from jshell.flow.turning import turning
 
 __all__ = [
-    "Flow", "SingleFrequency", "added_mass", "complete", "flow", "single_frequency", "slip_matrix", "slip_operator", "turning",
+    "Flow", "SingleFrequency", "added_mass", "complete", "flow", "single_frequency", "slip_matrix", "slip_operator",
+    "turning",
 ]  # fmt: skip

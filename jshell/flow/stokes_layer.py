@@ -34,7 +34,7 @@ def slip_matrix(shape: Meridian, current: Flow) -> Float[Array, "coordinates coo
     return (W.T * surface[None]) @ W
 
 
-def single_frequency(viscosity: Scalar, frequency: Scalar) -> SingleFrequency:
+def single_frequency(viscosity: Scalar, frequency: Scalar | complex) -> SingleFrequency:
     """The layer's mass and resistance, exact at one rate.
 
     At a real frequency ω the impedance sqrt(iωη̂) is iω times a mass sqrt(η̂/2ω) plus a resistance

@@ -40,7 +40,8 @@ class Wall(NamedTuple):
 def wall(shape: Meridian, conditions: Reduced, profile: Float[Array, "points"]) -> Wall:
     """The wall of a shell whose thickness is d̂ times a profile; moduli follow the local thickness."""
     K = moduli(conditions.thickness, conditions.poisson_ratio)
-    return Wall(K.area * profile, K.shear * profile, K.bending * profile**3, shape.angles)
+    area, shear, bending = (jnp.asarray(modulus) for modulus in K)
+    return Wall(area * profile, shear * profile, bending * profile**3, shape.angles)
 
 
 def check_area(area: str) -> None:
@@ -51,7 +52,7 @@ def check_area(area: str) -> None:
         )
 
 
-def density(curve: Curve, wall: Wall, area: Area) -> Float[Array, "..."]:
+def density(curve: Curve, wall: Wall, area: Area | str) -> Float[Array, "..."]:
     """Elastic energy per θ at a point [E d R0²/rad].
 
     Args:
@@ -75,11 +76,11 @@ def density(curve: Curve, wall: Wall, area: Area) -> Float[Array, "..."]:
     else:
         bending = 2 * wall.bending * ((kappa1 + kappa2) / 2 - 1) ** 2
     surface = curve.r * along if area == "current" else sine
-    return 2 * jnp.pi * surface * (stretching + bending)
+    return jnp.asarray(2 * jnp.pi * surface * (stretching + bending))
 
 
 def elastic_energy(
-    shape: Meridian, q: Float[Array, "coordinates"], wall: Wall, area: Area = "current"
+    shape: Meridian, q: Float[Array, "coordinates"], wall: Wall, area: Area | str = "current"
 ) -> Float[Array, ""]:
     """Elastic energy of a shape [E d R0²]."""
     return jnp.sum(shape.weights * density(shape.at_points(q), wall, area))
@@ -92,11 +93,11 @@ def gas_energy(volume: Float[Array, ""], conditions: Reduced) -> Float[Array, ""
     isothermal = jnp.abs(power) < 1e-12
     safe = jnp.where(isothermal, 1.0, power)
     work = jnp.where(isothermal, -stretch, jnp.expm1(-power * stretch) / safe)
-    return conditions.gas_pressure * SPHERE_VOLUME * work
+    return jnp.asarray(conditions.gas_pressure * SPHERE_VOLUME * work)
 
 
 def potential_energy(
-    shape: Meridian, q: Float[Array, "coordinates"], wall: Wall, conditions: Reduced, area: Area = "current"
+    shape: Meridian, q: Float[Array, "coordinates"], wall: Wall, conditions: Reduced, area: Area | str = "current"
 ) -> Float[Array, ""]:
     """Elastic energy, gas and the work of the outer pressure (eq:Upext), U [E d R0²]."""
     V = volume(shape, q)
@@ -105,7 +106,7 @@ def potential_energy(
 
 
 def stiffness(
-    shape: Meridian, q: Float[Array, "coordinates"], wall: Wall, conditions: Reduced, area: Area = "current"
+    shape: Meridian, q: Float[Array, "coordinates"], wall: Wall, conditions: Reduced, area: Area | str = "current"
 ) -> Float[Array, "coordinates coordinates"]:
     """Hessian of the potential energy, K [E d], from 6 x 6 Hessians at the Gauss points.
 
@@ -127,8 +128,13 @@ def stiffness(
     R = {1: shape.r_basis[0], 3: shape.r_basis[1], 5: shape.r_basis[2]}
 
     def product(left, right):
-        weighted = {a: sum(hessian[:, a, b, None] * rows for b, rows in right.items()) for a in left}
-        return sum(rows.T @ weighted[a] for a, rows in left.items())
+        total = jnp.zeros(())
+        for a, rows in left.items():
+            weighted = jnp.zeros(())
+            for b, columns in right.items():
+                weighted = weighted + hessian[:, a, b, None] * columns
+            total = total + rows.T @ weighted
+        return total
 
     K_xx, K_xr, K_rr = product(X, X), product(X, R), product(R, R)
     K = jnp.block([[K_xx, K_xr], [K_xr.T, K_rr]])

@@ -80,11 +80,11 @@ class RestShape(eqx.Module):
 def rest(
     conditions: Reduced,
     *,
-    branch: Branch = "buckled",
+    branch: Branch | str = "buckled",
     elements: int = 32,
     attached: float = 0.0,
     weak_spot: WeakSpot = NO_WEAK_SPOT,
-    area: Area = "current",
+    area: Area | str = "current",
     throw: bool = False,
 ) -> RestShape:
     """Rest shape of a shell on one branch; differentiable and vmappable in the conditions.
@@ -135,7 +135,7 @@ def raise_unless_ok(place: str, outcome: Int[Array, ""]) -> None:
 
 @eqx.filter_jit
 def rest_shape(
-    shape: Meridian, conditions: Reduced, profile: Float[Array, "points"], branch: Branch, area: Area
+    shape: Meridian, conditions: Reduced, profile: Float[Array, "points"], branch: str, area: str
 ) -> RestShape:
     """Rest shape on a given discretisation and thickness profile."""
     if branch == "buckled":
@@ -152,8 +152,8 @@ def settle(
     conditions: Reduced,
     profile: Float[Array, "points"],
     start: Float[Array, "coordinates"],
-    branch: Branch,
-    area: Area,
+    branch: str,
+    area: str,
 ) -> RestShape:
     """Newton iteration from a start, and the measures of what it finds."""
     solution = _iterate(*jax.lax.stop_gradient((shape, conditions, profile, start)), branch, area)

@@ -2,6 +2,8 @@
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from jshell.calibration.report import FitResult
 from jshell.dynamics.modes import Modes
 from jshell.membrane import RestShape
@@ -12,7 +14,8 @@ from jshell.plot.traces import SPHERE, channel, heard
 from jshell.signals.signature import Signature
 from jshell.trace import Trace
 
-WIDTHS = (1.0, 1.0, 1.0, 1.45)  # of the upper row; the three squares are cut to the shapes' proportions
+WIDTHS = (1.0, 1.0, 1.0, 1.25)  # of the upper row
+HEIGHTS = (0.88, 1.0)  # low enough that the shapes, of equal scales, fill their row
 
 
 def overview(
@@ -40,7 +43,7 @@ def overview(
     """
     with style():
         figure = new_figure(PAGE)
-        above, below = figure.subfigures(2, 1)
+        above, below = np.asarray(figure.subfigures(2, 1, height_ratios=HEIGHTS))
         panel = above.subplot_mosaic([["a", "b", "B", "c"]], width_ratios=WIDTHS)
         panel |= below.subplot_mosaic([["d", "e", "f"]])
         rest_shape(rest, panel["a"])
@@ -52,7 +55,10 @@ def overview(
         channel(trace, "V", panel["c"], window=signature.window)
         channel(trace, "S", panel["c"], mark_dip=False)
         panel["c"].set_ylabel(", ".join(SPHERE[name][1] for name in ("V", "S")))
-        panel["c"].legend(loc="upper right")
+        handles, words = panel["c"].get_legend_handles_labels()
+        named = dict(zip(words, handles, strict=True))
+        order = [SPHERE["V"][1], SPHERE["S"][1], "dip", "window"]
+        panel["c"].legend([named[word] for word in order], order, loc="center right")
         heard(trace, signature, ax=panel["d"])
         master_curve(table, table_fit, panel["e"])
         heard(recording, recording_signature, "H", panel["f"], laboratory=recording.scales is not None)

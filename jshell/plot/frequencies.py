@@ -5,6 +5,7 @@ Source     Mokbel et al. 2021: eq:defw, where V_e² ω±² depends on V_e P_e al
 """
 
 from collections.abc import Mapping
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -47,27 +48,25 @@ def master_curve(
     grid = np.linspace(max(x.min() - 0.12 * span, 0.02 * x.max()), x.max() + 0.06 * span, POINTS)
     gas = np.unique(np.stack([np.asarray(rows.kappa)[kept], np.asarray(rows.area_modulus)[kept]], axis=1), axis=0)
 
+    drawn: list[tuple[Any, str]] = []  # what the legend shows, and its words
     with style():
         ax = axes_or_new(ax)
-        for number, (kappa, modulus) in enumerate(gas):  # one pair of curves per gas and wall
-            if source is not None:
-                slow, fast = curves(source, grid, kappa, modulus)
-                name = f"source: {_constants(source)}" if number == 0 else None
-                ax.plot(grid, slow, color=GREY, linestyle=(0, (4, 2)), linewidth=1.0, label=name)
-                ax.plot(grid, fast, color=GREY, linestyle=(0, (4, 2)), linewidth=1.0)
-            if fit is not None:
-                slow, fast = curves(fit.coefficients, grid, kappa, modulus)
-                name = f"fit: {_constants(fit.coefficients)}" if number == 0 else None
-                ax.plot(grid, fast, color=FAST, label=name)
-                ax.plot(grid, slow, color=SLOW)
+        if source is not None:
+            drawn.append(
+                (_pairs(ax, source, grid, gas, (GREY, GREY), linestyle=(0, (4, 2))), f"source {_told(source)}")
+            )
+        if fit is not None:
+            drawn.append((_pairs(ax, fit.coefficients, grid, gas, (SLOW, FAST)), f"fit {_told(fit.coefficients)}"))
         slow_symbol, fast_symbol = (quantity(key).symbol for key in ("omega_minus", "omega_plus"))
         points = {"linestyle": "none", "markeredgecolor": "white", "markeredgewidth": 0.6, "zorder": 3}
-        ax.plot(x, y[:, 1], marker="s", color=FAST, label=f"fast {fast_symbol}", **points)
-        ax.plot(x, y[:, 0], marker="o", color=SLOW, markersize=5.2, label=f"slow {slow_symbol}", **points)
-        top = np.nanmax([line.get_ydata().max() for line in ax.get_lines() if len(line.get_ydata())])
+        slow = ax.plot(x, y[:, 0], marker="o", color=SLOW, markersize=5.2, label=f"slow {slow_symbol}", **points)[0]
+        fast = ax.plot(x, y[:, 1], marker="s", color=FAST, label=f"fast {fast_symbol}", **points)[0]
+        drawn += [(line, str(line.get_label())) for line in (slow, fast)]
+
+        top = max(float(np.nanmax(line.get_ydata())) for line in ax.get_lines())
         ax.set_ylim(0.0, 1.45 * top)
         ax.set_xlim(grid[0], grid[-1])
-        ax.legend(loc="upper left", ncols=2, columnspacing=1.0, handletextpad=0.5)
+        _legend(ax, drawn)
         V_symbol, P_symbol = quantity("V").symbol, quantity("P").symbol
         ax.set_xlabel(f"{V_symbol}ₑ{P_symbol}ₑ [E d R₀²]")
         ax.set_ylabel(f"{V_symbol}ₑ² ω² [E d R₀³/ρ]")
@@ -87,5 +86,30 @@ def curves(
     return np.where(found >= 0, found, np.nan)
 
 
-def _constants(c: Coefficients) -> str:
-    return ", ".join(f"{float(value):.3g}" for value in (c.alpha1, c.alpha2, c.k_vs))
+def _pairs(ax: Axes, c: Coefficients, grid: np.ndarray, gas: np.ndarray, colours: tuple[str, str], **look: Any):
+    """Slow and fast curve for every gas and wall of the table; the first pair stands for all in the legend."""
+    pairs = []
+    for kappa, modulus in gas:
+        both = curves(c, grid, kappa, modulus)
+        rows = zip(both, colours, strict=True)
+        pairs.append(tuple(ax.plot(grid, row, color=colour, linewidth=1.1, **look)[0] for row, colour in rows))
+    return pairs[0]
+
+
+def _legend(ax: Axes, drawn: list[tuple[Any, str]]) -> None:
+    from matplotlib.legend_handler import HandlerTuple
+
+    handles, words = zip(*drawn, strict=True)
+    together = {tuple: HandlerTuple(ndivide=None, pad=0.3)}
+    ax.legend(handles, words, handler_map=together, loc="upper left", ncols=2, columnspacing=1.0, handletextpad=0.5)
+
+
+def _told(c: Coefficients) -> str:
+    rows = (("alpha1", c.alpha1), ("alpha2", c.alpha2), ("kVS", c.k_vs))
+    return ", ".join(f"{_printed(quantity(key).symbol)} {float(value):.3g}" for key, value in rows)
+
+
+def _printed(symbol: str) -> str:
+    """A symbol with its index lowered: `k_VS`."""
+    letter, _, index = symbol.partition("_")
+    return rf"{letter}$_{{\mathrm{{{index}}}}}$" if index else symbol

@@ -5,8 +5,9 @@ Symbols    x along the axis [R0], the buckling pole at large x   r distance to t
 
 from collections.abc import Sequence
 
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 from jshell.contour import Meridian
 from jshell.dynamics.modes import Modes
@@ -16,10 +17,11 @@ from jshell.plot.style import BLACK, FAST, GREY, PALE, PALETTE, SLOW, SQUARE, Ax
 from jshell.quantities import quantity
 
 LARGEST = 0.15  # the largest displacement a mode is drawn with [R0]
-MARGIN = 0.12
+MARGIN = 0.05  # around everything drawn [R0]
+WORDS = 0.2  # height left for words below the shapes, over that of the shapes
 
 
-def outline(shape: Meridian, q: Float[np.ndarray, "coordinates"]) -> tuple[np.ndarray, np.ndarray]:
+def outline(shape: Meridian, q: Float[Array, "coordinates"]) -> tuple[np.ndarray, np.ndarray]:
     """The whole meridian as a closed curve: x and r [R0], r negative on the mirrored half."""
     curve, (x_nodes, _) = shape.at_points(q), shape.at_nodes(q)
     x = np.concatenate([[x_nodes[0]], np.asarray(curve.x), [x_nodes[-1]]])
@@ -57,10 +59,10 @@ def rest_shape(
         if sphere:
             _sphere(ax)
         for state, name, colour in zip(listed, names, colours, strict=True):
-            x, r = outline(state.meridian, np.asarray(state.coordinates))
+            x, r = outline(state.meridian, jnp.asarray(state.coordinates))
             ax.plot(x, r, color=colour, label=name)
         ax.legend(loc="lower center", ncols=1 if len(listed) == 1 else 2)
-        _frame(ax, room=0.3)
+        _frame(ax)
     return ax
 
 
@@ -82,8 +84,8 @@ def mode_shape(modes: Modes, k: int = 0, ax: Axes | None = None, scale: float | 
     count = modes.omega.shape[0]
     if not 0 <= k < count:
         raise BadValue("k", found=repr(k), expected=f"0 to {count - 1}", remedy="Ask `modes` for a larger count.")
-    shape, q = modes.rest.meridian, np.asarray(modes.rest.coordinates)
-    move = np.real(np.asarray(modes.shapes[k]))
+    shape, q = modes.rest.meridian, jnp.asarray(modes.rest.coordinates)
+    move = jnp.real(jnp.asarray(modes.shapes[k]))
     if scale is None:
         dx, dr = outline(shape, move)
         scale = LARGEST / float(np.hypot(dx, dr).max())
@@ -93,11 +95,13 @@ def mode_shape(modes: Modes, k: int = 0, ax: Axes | None = None, scale: float | 
         x, r = outline(shape, q)
         out, back = outline(shape, q + scale * move), outline(shape, q - scale * move)
         ax.fill(*out, color=colour, alpha=0.10, linewidth=0)
-        ax.plot(*back, color=colour, linewidth=1.0, linestyle=(0, (4, 2)), label="inward")
-        ax.plot(*out, color=colour, linewidth=1.3, label="outward")
-        ax.plot(x, r, color=BLACK, linewidth=1.0, label="at rest")
-        ax.text(0.5, 0.015, _rates(modes, k), transform=ax.transAxes, ha="center", va="bottom", fontsize=7.5)
-        _frame(ax, room=0.3)
+        symbol = quantity("V").symbol
+        ax.plot(x, r, color=BLACK, linewidth=1.0, label="rest")
+        ax.plot(*out, color=colour, linewidth=1.3, label=f"{symbol} up")
+        ax.plot(*back, color=colour, linewidth=1.0, linestyle=(0, (4, 2)), label=f"{symbol} down")
+        ax.text(0.5, 0.105, _rates(modes, k), transform=ax.transAxes, ha="center", va="bottom", fontsize=7.5)
+        ax.legend(loc="lower center", ncols=3, columnspacing=0.9, handlelength=1.3, handletextpad=0.5)
+        _frame(ax)
     return ax
 
 
@@ -120,14 +124,15 @@ def _sphere(ax: Axes) -> None:
     ax.plot(np.cos(angle), np.sin(angle), color=GREY, linestyle=(0, (4, 3)), linewidth=0.9, label="stress-free sphere")
 
 
-def _frame(ax: Axes, room: float) -> None:
-    """Equal scales, a margin all round, and room below for words."""
+def _frame(ax: Axes) -> None:
+    """Equal scales, room for the stress-free sphere at least, and below for words: panels beside each other match."""
     points = np.concatenate([np.asarray(line.get_xydata()) for line in ax.get_lines()])
-    (left, low), (right, high) = points.min(axis=0), points.max(axis=0)
-    ax.set_xlim(left - MARGIN, right + MARGIN)
-    ax.set_ylim(low - MARGIN - room * (high - low), high + MARGIN)
-    ax.set_yticks([tick for tick in (-1.0, 0.0, 1.0) if low - MARGIN <= tick <= high + MARGIN])
-    ax.set_xticks([tick for tick in (-1.0, 0.0, 1.0) if left - MARGIN <= tick <= right + MARGIN])
+    left, low = np.minimum(points.min(axis=0), -1.1) - MARGIN
+    right, high = np.maximum(points.max(axis=0), 1.1) + MARGIN
+    ax.set_xlim(left, right)
+    ax.set_ylim(low - WORDS * (high - low), high)
+    ax.set_xticks([-1.0, 0.0, 1.0])
+    ax.set_yticks([-1.0, 0.0, 1.0])
     ax.set_aspect("equal", adjustable="box")
     unit = quantity("x_front").scale
     ax.set_xlabel(f"along the axis x [{unit}]")

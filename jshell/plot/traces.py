@@ -39,11 +39,12 @@ POWERS = str.maketrans({"2": "²", "3": "³", "^": None})
 
 @dataclass(frozen=True)
 class Reading:
-    """How one column of a trace is read on an axis: times `factor`, under `label`, in short `symbol`."""
+    """How one column of a trace is read on an axis: times `factor` in `unit`, under `label`, in short `symbol`."""
 
     factor: float
     label: str
     symbol: str
+    unit: str = ""
 
 
 def reading(trace: Trace, name: str, *, relative: bool = False, laboratory: bool = False) -> Reading:
@@ -78,7 +79,7 @@ def reading(trace: Trace, name: str, *, relative: bool = False, laboratory: bool
         units = LABORATORY[known.dimension]
         unit = next((u for u in units if reach >= UNITS[u][1]), units[-1])
         factor = trace.scales.of(known.dimension) / UNITS[unit][1]
-        return Reading(factor, known.label(unit.translate(POWERS)), known.symbol)
+        return Reading(factor, known.label(unit.translate(POWERS)), known.symbol, unit.translate(POWERS))
     if bare:
         return Reading(1.0, known.label("s" if name == "t" else ""), known.symbol)
     return Reading(1.0, known.label(), known.symbol)
@@ -117,12 +118,12 @@ def channel(
         ax = axes_or_new(ax)
         if window is not None:
             low, high = (time.factor * edge for edge in window)
-            ax.axvspan(low, high, color=PALE, alpha=0.5, linewidth=0, zorder=0)
-        look = {"color": CHANNEL.get(name, BLUE), "label": shown.symbol} | line
+            ax.axvspan(low, high, color=PALE, alpha=0.5, linewidth=0, zorder=0, label="window")
+        look: dict[str, Any] = {"color": CHANNEL.get(name, BLUE), "label": shown.symbol} | line
         ax.plot(time.factor * np.asarray(trace.times), shown.factor * values, **look)
         if mark_dip:
             at = dip(trace, (name,))
-            ax.axvline(time.factor * at, color=GREY, linewidth=0.8, linestyle=(0, (1, 2)), zorder=0.5)
+            ax.axvline(time.factor * at, color=GREY, linewidth=0.8, linestyle=(0, (1, 2)), zorder=0.5, label="dip")
         ax.margins(x=0.0)
         ax.set_xlabel(time.label)
         ax.set_ylabel(shown.label)
@@ -195,7 +196,13 @@ def heard(
             names=(shown.symbol, "two modes"),
         )
         ax.text(
-            0.985, 0.98, _numbers(signature, laboratory), transform=ax.transAxes, ha="right", va="top", fontsize=7.5
+            0.985,
+            0.98,
+            _numbers(signature, time, laboratory),
+            transform=ax.transAxes,
+            ha="right",
+            va="top",
+            fontsize=7.5,
         )
         ax.set_xlabel(time.label)
         ax.set_ylabel(shown.label)
@@ -233,16 +240,25 @@ def _time(trace: Trace, laboratory: bool) -> Reading:
     return reading(trace, "t", laboratory=laboratory)
 
 
-def _numbers(signature: Signature, laboratory: bool) -> str:
+def _numbers(signature: Signature, time: Reading, laboratory: bool) -> str:
     """Frequencies and decay time with errors, as lines of text."""
+    rows = (("omega_minus", "f₋"), ("omega_plus", "f₊"), ("tau", quantity("tau").symbol))
     unit = signature.frequency_unit if laboratory else None
-    rows = []
-    for key, letter in (("omega_minus", "f₋"), ("omega_plus", "f₊")):
+    lines = []
+    for key, letter in rows:
         value, error = getattr(signature, key), signature.stderr[key]
         if unit is None:
-            rows.append(f"{quantity(key).symbol} = {value:.3f} ± {error:.3f}")
+            lines.append(f"{quantity(key).symbol} = {_with_error(value, error)}")
+        elif key == "tau":
+            lines.append(f"{letter} = {_with_error(value * time.factor, error * time.factor)} {time.unit}")
         else:
-            rows.append(f"{letter} = {value * unit:.4g} ± {error * unit:.1g} Hz")
-    if unit is None:
-        rows.append(f"{quantity('tau').symbol} = {signature.tau:.2f} ± {signature.stderr['tau']:.2f}")
-    return "\n".join(rows)
+            lines.append(f"{letter} = {_with_error(value * unit, error * unit)} Hz")
+    return "\n".join(lines)
+
+
+def _with_error(value: float, error: float) -> str:
+    """`1.0757 ± 0.0045`: the error to two digits, the value to the same place."""
+    if not (np.isfinite(error) and error > 0):
+        return f"{value:.4g}"
+    digits = min(max(1 - int(np.floor(np.log10(error))), 0), 6)
+    return f"{value:.{digits}f} ± {error:.{digits}f}"

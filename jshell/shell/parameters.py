@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import equinox as eqx
 import jax
 import numpy as np
+from jax.core import Tracer
 
 from jshell.errors import BadValue
 
@@ -21,7 +22,7 @@ Number = float | jax.Array | np.ndarray
 
 def _check(place: str, value: Number, expected: str, good) -> None:
     """Refuse a concrete value outside its meaning; traced values pass."""
-    if isinstance(value, jax.core.Tracer) or not isinstance(value, int | float | np.ndarray | np.generic | jax.Array):
+    if isinstance(value, Tracer) or not isinstance(value, int | float | np.ndarray | np.generic | jax.Array):
         return  # under jit the caller has checked; a non-number is one of JAX's internal placeholders
     numbers = np.asarray(value, dtype=float)
     ok = np.isfinite(numbers) & good(numbers)

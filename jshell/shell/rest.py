@@ -12,10 +12,10 @@ import warnings
 from typing import NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
+from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from jshell.errors import RangeWarning
@@ -46,7 +46,7 @@ def plateau_pressure(thickness: Scalar, poisson_ratio: Scalar = 0.5) -> Scalar:
 
 def warn_outside_plateau_range(thickness: Scalar) -> None:
     """Warn where the plateau law has not been checked (concrete values only)."""
-    if isinstance(thickness, jax.core.Tracer):
+    if isinstance(thickness, Tracer):
         return
     low, high = PLATEAU_RANGE
     d = np.asarray(thickness)
@@ -59,9 +59,9 @@ def warn_outside_plateau_range(thickness: Scalar) -> None:
         )
 
 
-def gas_pressure(volume: Scalar, conditions: Reduced) -> Scalar:
+def gas_pressure(volume: Scalar, conditions: Reduced) -> Float[Array, ""]:
     """Adiabatic gas: P = P̂0 (V0/V)^κ [E d/R0] (eq:equivol)."""
-    return conditions.gas_pressure * (SPHERE_VOLUME / volume) ** conditions.kappa
+    return jnp.asarray(conditions.gas_pressure * (SPHERE_VOLUME / volume) ** conditions.kappa)
 
 
 def buckled_state(conditions: Reduced) -> RestState:
