@@ -1,7 +1,135 @@
-"""House rules of every test: float64, no silent rank promotion."""
+"""House rules of every test: float64, no silent rank promotion; and what many tests share.
 
+Compiling costs more than running here, so shapes and modes that several rooms
+need are computed once a session, and problems are made of arrays: a number
+that is a Python float is compiled in, an array is not.
+"""
+
+import json
+from pathlib import Path
+from typing import NamedTuple
+
+import equinox as eqx
 import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
 
 import jshell  # noqa: F401  (asks for float64)
+from jshell import Reduced, dynamics, membrane
+from jshell.contour import meridian
+from jshell.flow import flow, slip_matrix
 
 jax.config.update("jax_numpy_rank_promotion", "raise")
+
+ELEMENTS = 24
+REFERENCE = Path(__file__).parent / "data" / "reference"
+
+
+def problem(thickness, gas_pressure, outer_pressure, viscosity=0.0) -> Reduced:
+    """A problem whose numbers are arrays, scalar or batched alike."""
+    numbers = jnp.broadcast_arrays(
+        *(jnp.asarray(n, float) for n in (thickness, gas_pressure, outer_pressure, viscosity))
+    )
+    like = jnp.zeros_like(numbers[0])
+    return Reduced(*numbers, like + 1.4, like + 0.5)
+
+
+@pytest.fixture(scope="session")
+def make_problem():
+    return problem
+
+
+@pytest.fixture(scope="session")
+def R() -> Reduced:
+    """The source's reference configuration."""
+    return problem(0.22, 0.9, 1.6, 0.004)
+
+
+@pytest.fixture(scope="session")
+def cases() -> list[dict]:
+    """Rest shapes and modes of four shells by two other codes."""
+    return json.loads((REFERENCE / "modes.json").read_text())["cases"]
+
+
+@pytest.fixture(scope="session")
+def mesh():
+    """The meridian that most tests use."""
+    return meridian(ELEMENTS)
+
+
+@pytest.fixture(scope="session")
+def rest_R(R):
+    return membrane.rest(R, elements=ELEMENTS)
+
+
+@pytest.fixture(scope="session")
+def modes_R(R):
+    return dynamics.modes(R, elements=ELEMENTS)
+
+
+@pytest.fixture(scope="session")
+def undamped_R(R):
+    return dynamics.modes(R, elements=ELEMENTS, stokes_layer=False)
+
+
+@pytest.fixture(scope="session")
+def liquid():
+    """Compiled: added mass and slip matrix of a shape."""
+
+    @jax.jit
+    def matrices(shape, q):
+        current = flow(shape, q)
+        return current.mass, slip_matrix(shape, current)
+
+    return matrices
+
+
+@pytest.fixture(scope="session")
+def solid():
+    """Compiled: stiffness of a shape in whichever elastic energy."""
+    return eqx.filter_jit(membrane.stiffness)
+
+
+H = 1e-4  # step of central differences: their error is H² times a third derivative, 1e-8
+VARIED = ("thickness", "gas_pressure", "outer_pressure", "viscosity")
+
+
+class Family(NamedTuple):
+    """Modes of many shells in one compiled batch, and the row where each kind stands."""
+
+    modes: dynamics.Modes
+    cases: slice
+    no_buckled_state: int
+    weak_gas: int
+
+    def difference(self, pick, name: str):
+        """Central difference of a quantity at R with respect to a condition."""
+        k = 6 + 2 * VARIED.index(name)
+        values = pick(self.modes)
+        return (values[k] - values[k + 1]) / (2 * H * AT_R[name])
+
+
+AT_R = {"thickness": 0.22, "gas_pressure": 0.9, "outer_pressure": 1.6, "viscosity": 0.004}
+
+
+@pytest.fixture(scope="session")
+def family(cases) -> Family:
+    rows = [[case["d"], case["P0"], case["Pext"], case["eta"]] for case in cases]
+    rows += [[0.22, 0.9, 1.1, 0.004], [0.22, 0.1, 1.1, 0.004]]
+    for name in VARIED:
+        for sign in (1, -1):
+            rows.append([value * (1 + sign * H * (key == name)) for key, value in AT_R.items()])
+    many = eqx.filter_jit(eqx.filter_vmap(lambda conditions: dynamics.modes(conditions, elements=ELEMENTS)))
+    return Family(many(problem(*np.array(rows).T)), slice(0, 4), 4, 5)
+
+
+@pytest.fixture(scope="session")
+def slopes(R) -> dict[str, Reduced]:
+    """Forward derivatives at R of volume, first frequency and first decay time by the conditions."""
+
+    def numbers(conditions):
+        found = dynamics.modes(conditions, elements=ELEMENTS)
+        return {"volume": found.rest.volume, "omega": found.omega[0], "tau": found.tau[0]}
+
+    return jax.jit(jax.jacfwd(numbers))(R)

@@ -58,7 +58,7 @@ class Modes(eqx.Module):
     rest: RestShape
 
     @property
-    def rate(self) -> Complex[Array, "modes"]:
+    def rate(self) -> Complex[Array, "... modes"]:
         """Complex rate s = -1/τ + iΩ [1/time]."""
         return -1 / self.tau + 1j * self.Omega
 
@@ -106,6 +106,7 @@ def modes(
         raise BadValue(
             "count", found=repr(count), expected=f"1 to {elements // 2}", remedy="Raise `elements` for more modes."
         )
+    conditions = conditions.as_arrays()
     state = rest(
         conditions, branch=branch, elements=elements, attached=attached, weak_spot=weak_spot, area=area, throw=throw
     )

@@ -22,6 +22,7 @@ Source     Hamilton's equations (equivalent to Bernoulli on the moving wall);
 
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import jax.scipy.linalg as jsl
@@ -34,6 +35,10 @@ from jshell.membrane import Wall, potential_energy, stiffness
 from jshell.membrane.energy import Area
 from jshell.shell.elasticity import Scalar
 from jshell.shell.parameters import Reduced
+
+
+SLIDING_TIME = 0.01  # what moves liquid moves by the square of it, 1e-4 of a displacement
+SLIDING_STEPS = 4  # Newton steps
 
 
 class Body(NamedTuple):
@@ -94,6 +99,24 @@ def at_pressure(conditions: Reduced, pressure: Scalar) -> Reduced:
     """The same problem under another outer pressure."""
     c = conditions
     return Reduced(c.thickness, c.gas_pressure, pressure, c.viscosity, c.kappa, c.poisson_ratio)
+
+
+@eqx.filter_jit
+def relax(
+    body: Body, q: Float[Array, "coordinates"], pressure: Scalar, area: Area | str
+) -> Float[Array, "coordinates"]:
+    """Let a displaced wall slide along itself until no tangential force is left, its shape all but unmoved.
+
+    Newton steps in which inertia over a short time holds whatever moves liquid; what moves none is free.
+    """
+    shape, loaded, free = body.shape, at_pressure(body.conditions, pressure), body.shape.active
+
+    def slide(q, _):
+        slope = jax.grad(lambda q: potential_energy(shape, q, body.wall, loaded, area))(q)
+        held = stiffness(shape, q, body.wall, loaded, area) + flow(shape, q).mass / SLIDING_TIME**2
+        return q.at[free].add(-jnp.linalg.solve(held[free][:, free], slope[free])), None
+
+    return jax.lax.scan(slide, q, None, length=SLIDING_STEPS)[0]
 
 
 def launch(

@@ -17,7 +17,7 @@ from jaxtyping import Array, Float, Int
 
 from jshell.contour import WeakSpot, area, gap, height, poles, speed, volume, wall_profile, width
 from jshell.dynamics.modes import vibrations
-from jshell.dynamics.motion import Body, State, advance, launch
+from jshell.dynamics.motion import Body, State, advance, launch, relax
 from jshell.dynamics.protocol import Hold, Ramp
 from jshell.errors import BadShape, BadValue, Outcome
 from jshell.flow import single_frequency
@@ -63,7 +63,8 @@ def simulate(
         every: Spacing of the samples [time unit].
         ramp: Time the outer pressure takes from P̂0 to P̂ext; 0 is a sudden step.
         start: Begin at this rest shape under constant outer pressure instead; its mesh, pad and weak spot are kept.
-        displacement, velocity: (coordinates,) added to the start [R0], [R0/time unit]; only with `start`.
+        displacement, velocity: (coordinates,) added to the start [R0], [R0/time unit]; only with `start`. A
+            displaced wall first slides along itself until its tangential forces vanish, as a massless wall must.
         elements, attached: As in `jshell.membrane.rest`.
         weak_spot: Thinner wall that decides where the dimple starts; `WeakSpot()` by default.
         stokes_frequency: Reference frequency of the Stokes layer, real, or a mode's complex rate
@@ -84,6 +85,7 @@ def simulate(
     """
     check_area(area)
     _check_times(duration, every, step, ramp)
+    conditions = conditions.as_arrays()
     if start is None:
         if displacement is not None or velocity is not None:
             raise BadValue(
@@ -95,7 +97,7 @@ def simulate(
         shape = cached_meridian(elements, attached)
         profile = wall_profile(shape, WeakSpot() if weak_spot is None else weak_spot)
         q = shape.sphere
-        protocol = Ramp(conditions.gas_pressure, conditions.outer_pressure, ramp)
+        protocol = Ramp(conditions.gas_pressure, conditions.outer_pressure, jnp.asarray(ramp, dtype=float))
     else:
         shape, profile, q = start.meridian, start.profile, start.coordinates
         protocol = Hold(conditions.outer_pressure)
@@ -107,7 +109,8 @@ def simulate(
     frequency, found = _reference_frequency(shape, conditions, profile, stokes_frequency, start, area)
     layer = single_frequency(conditions.viscosity, frequency)
     body = Body(shape, wall(shape, conditions, profile), conditions, layer)
-    record = run(body, q + move, kick, protocol, every, count, inner, area)
+    start_at = q if displacement is None else relax(body, q + move, conditions.outer_pressure, area)
+    record = run(body, start_at, kick, protocol, every, count, inner, area)
     outcome = jnp.where(found != Outcome.OK, found, record.outcome)
     return _trace(
         conditions, record, outcome, every, count, shape, frequency, every / inner, protocol, weak_spot, throw

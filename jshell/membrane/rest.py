@@ -69,11 +69,11 @@ class RestShape(eqx.Module):
     profile: Float[Array, "points"]
 
     @property
-    def volume_ratio(self) -> Float[Array, ""]:
+    def volume_ratio(self) -> Float[Array, "..."]:
         return self.volume / SPHERE_VOLUME
 
     @property
-    def area_ratio(self) -> Float[Array, ""]:
+    def area_ratio(self) -> Float[Array, "..."]:
         return self.area / SPHERE_AREA
 
 
@@ -114,7 +114,7 @@ def rest(
         raise BadName("branch", found=repr(branch), expected="one of " + ", ".join(BRANCHES), remedy="Choose one.")
     check_area(area)
     shape = cached_meridian(elements, attached)
-    found = rest_shape(shape, conditions, wall_profile(shape, weak_spot), branch, area)
+    found = rest_shape(shape, conditions.as_arrays(), wall_profile(shape, weak_spot), branch, area)
     if throw:
         raise_unless_ok("rest shape", found.outcome)
     return found

@@ -11,7 +11,7 @@ from jshell.plot.frequencies import master_curve
 from jshell.plot.shapes import mode_shape, rest_shape
 from jshell.plot.style import PAGE, Figure, new_figure, style
 from jshell.plot.traces import SPHERE, channel, heard
-from jshell.signals.signature import Signature
+from jshell.signals import Signature
 from jshell.trace import Trace
 
 WIDTHS = (1.0, 1.0, 1.0, 1.25)  # of the upper row
@@ -58,6 +58,7 @@ def overview(
         handles, words = panel["c"].get_legend_handles_labels()
         named = dict(zip(words, handles, strict=True))
         order = [SPHERE["V"][1], SPHERE["S"][1], "dip", "window"]
+        order = [word for word in order if word in named]
         panel["c"].legend([named[word] for word in order], order, loc="center right")
         heard(trace, signature, ax=panel["d"])
         master_curve(table, table_fit, panel["e"])

@@ -14,7 +14,7 @@ from jshell.errors import BadName, BadValue, NotOk, Outcome
 from jshell.plot.style import BLACK, BLUE, CHANNEL, GREY, PALE, Axes, axes_or_new, style
 from jshell.quantities import QUANTITIES, UNITS, quantity
 from jshell.shell.elasticity import SPHERE_AREA, SPHERE_VOLUME
-from jshell.signals.signature import Signature, dip
+from jshell.signals import Signature, dip, ring_down_start
 from jshell.trace import Trace
 
 # What a channel is compared with on the stress-free sphere, and how the ratio is written.
@@ -104,7 +104,7 @@ def channel(
         ax: Where to draw; by default on a new figure.
         relative: Against the stress-free sphere (V, S, H, W).
         window: First and last time of a window to shade [the trace's time unit].
-        mark_dip: Mark the dip that ends the snap.
+        mark_dip: Mark the dip that ends the snap, where the record holds one.
         laboratory: In SI units of a convenient size; needs the trace's scales.
         **line: Passed to the line, e.g. `color`, `label`.
 
@@ -121,7 +121,7 @@ def channel(
             ax.axvspan(low, high, color=PALE, alpha=0.5, linewidth=0, zorder=0, label="window")
         look: dict[str, Any] = {"color": CHANNEL.get(name, BLUE), "label": shown.symbol} | line
         ax.plot(time.factor * np.asarray(trace.times), shown.factor * values, **look)
-        if mark_dip:
+        if mark_dip and ring_down_start(trace) is not None:
             at = dip(trace, (name,))
             ax.axvline(time.factor * at, color=GREY, linewidth=0.8, linestyle=(0, (1, 2)), zorder=0.5, label="dip")
         ax.margins(x=0.0)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 
@@ -171,6 +172,10 @@ class Reduced(eqx.Module):
         _check("viscosity (eta_hat)", self.viscosity, "a finite number of at least 0", lambda x: x >= 0)
         _check("kappa", self.kappa, "a number of at least 1", lambda x: x >= 1)
         _check_ratio(self.poisson_ratio)
+
+    def as_arrays(self) -> "Reduced":
+        """The same numbers as JAX arrays, so that a compiled program serves every value."""
+        return jax.tree.map(lambda number: jnp.asarray(number, dtype=float), self)
 
     @staticmethod
     def from_si(shell: Shell, gas: Gas, liquid: Liquid, load: Load) -> "Reduced":

@@ -11,7 +11,7 @@ import numpy as np
 from jshell.trace import Trace
 
 AFTER_SNAP = 5.0  # the ring-down begins this long after the dip [time unit]
-SNAP_SIZE = 3.0  # a record that starts further off than this many swings of its ring-down holds a snap
+SNAP_SIZE = 8.0  # a record that starts further off than this many swings of its ring-down holds a snap
 SMOOTHING = 1.0  # [time unit]
 
 
@@ -35,7 +35,7 @@ def dip(trace: Trace, names: Sequence[str] = ()) -> float:
 def ring_down_start(trace: Trace) -> float | None:
     """When the ring-down after a snap begins; None where the record holds no snap.
 
-    A record holds a snap when V (or H, or its first channel) starts further from where it settles than three
+    A record holds a snap when V (or H, or its first channel) starts further from where it settles than eight
     times the largest swing later than five units after the dip.
     """
     times = np.asarray(trace.times, dtype=float)

@@ -1,0 +1,246 @@
+"""Figures say what they show: labels from the registry, lines where the numbers are."""
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import jax.numpy as jnp
+import matplotlib
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+
+from jshell import plot
+from jshell.calibration import Estimate, FitResult, fit_trajectories
+from jshell.contour import area, dimple, meridian, volume
+from jshell.dynamics.modes import Modes
+from jshell.errors import BadName, BadShape, BadValue, MissingExtra, NotOk, Outcome
+from jshell.membrane import RestShape
+from jshell.oscillator import SOURCE, squared_frequencies
+from jshell.plot.shapes import outline
+from jshell.plot.traces import two_modes
+from jshell.quantities import quantity
+from jshell.shell import Reduced, presets
+from jshell.signals import Signature, extract
+from jshell.trace import Trace
+
+# the shells of these tests lie outside the plateau law's range, on purpose or by chance
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::jshell.errors.RangeWarning"),
+    pytest.mark.filterwarnings("ignore:the plateau law:jshell.calibration.report.FitWarning"),
+]
+
+
+def _dented() -> RestShape:
+    shape = meridian(8)
+    q = dimple(shape, 0.7, 0.2)
+    number = jnp.asarray
+    measures = (volume(shape, q), area(shape, q), number(1.4), number(0.8), number(0.1), number(0))
+    return RestShape(q, *measures, shape, jnp.ones(shape.angles.size))
+
+
+def _modes(count=2) -> Modes:
+    rest = _dented()
+    shapes = jnp.stack([rest.meridian.sphere * (k + 1.0) for k in range(count)]).astype(complex)
+    rates = jnp.arange(1.0, count + 1.0)
+    return Modes(rates, rates, 5 * rates, rates, rates, shapes, jnp.zeros(count, int), rest)
+
+
+def _ring(scales=None) -> Trace:
+    t = np.linspace(0.0, 40.0, 401)
+    fall = np.exp(-t / 8)
+    V = 2.9 + 0.1 * fall * (np.cos(t) + 0.4 * np.cos(1.7 * t + 1))
+    H = 1.3 + 0.05 * fall * (np.cos(t + 0.5) + 0.2 * np.cos(1.7 * t))
+    return Trace(
+        t, {"V": V, "S": 11.9 + 0 * t - 0.1 * fall * np.cos(t), "H": H}, Reduced(0.22, 0.9, 1.6), scales=scales
+    )
+
+
+def _heard(scales=None) -> Signature:
+    """The true numbers of `_ring`, as a listener would report them."""
+    start = {"V": (0.1, 0.04), "H": (0.05, 0.01)}
+    omega = np.sqrt(np.array([1.0, 1.7]) ** 2 + 1 / 64)
+    return Signature(
+        *omega, 8.0, {"omega_minus": 0.002, "omega_plus": 0.003, "tau": 0.1}, start, {"V": (0.0, 1.0), "H": (0.5, 0.0)},
+        {"V": 2.9, "H": 1.3}, 0.0, (0.3, 0.0, 0.0), 0.0, "two", ("V",), (0.0, 40.0), 0.0, Outcome.OK,
+        frequency_unit=None if scales is None else scales.frequency,
+    )  # fmt: skip
+
+
+def _fit() -> FitResult:
+    """A fit that found the constants of `_table`."""
+    found = [Estimate(*pair) for pair in (("alpha1", 3.0), ("alpha2", 1.0), ("k_vs", 0.25))]
+    none = np.zeros((0, 0))
+    return FitResult("by hand", Outcome.OK, tuple(found), (), none, none, (), np.zeros(8), 0.0, 8, 3, False)
+
+
+def _table() -> dict[str, np.ndarray]:
+    V, P = np.array([2.8, 3.0, 3.2, 3.3]), np.array([1.4, 0.7, 1.8, 2.4])
+    w2 = [np.asarray(squared_frequencies(v, p, 3.0, 1.0, 0.25)) for v, p in zip(V, P, strict=True)]
+    slow, fast = np.sqrt(np.array(w2)).T
+    return {"V_e": V, "P_e": P, "omega_minus": slow, "omega_plus": fast}
+
+
+def _line(ax: Axes, label: str):
+    return next(line for line in ax.get_lines() if line.get_label() == label)
+
+
+def _draws(ax: Axes) -> bool:
+    """Rendered without a warning: every glyph is there, every panel has room."""
+    ax.figure.canvas.draw()
+    return True
+
+
+def test_importing_jshell_does_not_import_matplotlib():
+    code = "import sys, jshell, jshell.plot; sys.exit('matplotlib' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_a_missing_matplotlib_names_the_extra(monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(MissingExtra, match=r"pip install 'jshell\[plot\]'"):
+        plot.new_figure()
+
+
+def test_the_users_settings_come_back():
+    before = dict(matplotlib.rcParams)
+    plot.channel(_ring(), "V")
+    assert dict(matplotlib.rcParams) == before
+
+
+def test_an_outline_is_closed_mirrored_and_encloses_the_shapes_volume():
+    rest = _dented()
+    x, r = outline(rest.meridian, rest.coordinates)
+    assert (x[0], r[0]) == (x[-1], r[-1])
+    np.testing.assert_allclose(r, -r[::-1], atol=1e-12)
+    half = slice(0, x.size // 2 + 1)
+    turned = -np.pi * np.trapezoid(r[half] ** 2, x[half])
+    assert turned == pytest.approx(float(rest.volume), rel=5e-3)  # a trapezium rule through 42 points
+
+
+def test_rest_shapes_have_equal_scales_and_tell_their_volume():
+    rest = _dented()
+    ax = plot.rest_shape([rest, rest], labels=["one", "two"])
+    assert isinstance(ax, Axes)
+    assert ax.get_aspect() == 1.0
+    assert {"stress-free sphere", "one", "two"} == {line.get_label() for line in ax.get_lines()}
+    assert ax.get_xlabel() == "along the axis x [R₀]"
+    alone = plot.rest_shape(rest)
+    assert _line(alone, f"V/V₀ = {float(rest.volume_ratio):.3f}")
+    assert _draws(alone)
+    with pytest.raises(BadShape):
+        plot.rest_shape(rest, labels=["one", "two"])
+
+
+def test_a_mode_swings_as_far_out_as_in():
+    modes = _modes()
+    ax = plot.mode_shape(modes, 1, scale=0.1)
+    rest, up, down = (_line(ax, name).get_xydata() for name in ("rest", "V up", "V down"))
+    np.testing.assert_allclose(up - rest, rest - down, atol=1e-12)
+    assert _draws(ax)
+    with pytest.raises(BadValue):
+        plot.mode_shape(modes, 2)
+
+
+def test_a_channel_is_relative_to_the_sphere_and_marks_dip_and_window():
+    ring = _ring()
+    snap = np.where(ring.times < 5.0, 4.0 - 0.2 * ring.times, ring["V"])
+    trace = Trace(ring.times, {"V": snap}, ring.conditions)
+    ax = plot.channel(trace, "V", window=(10.0, 30.0))
+    np.testing.assert_allclose(_line(ax, "V/V₀").get_ydata(), snap / (4 * np.pi / 3))
+    assert ax.get_xlabel() == quantity("t").label()
+    assert _line(ax, "dip").get_xdata()[0] == trace.times[np.argmin(snap)]
+    assert [patch.get_label() for patch in ax.patches] == ["window"]
+    assert plot.channel(trace, "V", relative=False).get_ylabel() == quantity("V").label()
+    steady = Trace(ring.times, {"V": 2.9 + 0.1 * np.cos(ring.times)}, ring.conditions)
+    assert len(plot.channel(steady, "V").get_lines()) == 1  # no snap, no dip
+    with pytest.raises(BadName):
+        plot.channel(trace, "Q")
+
+
+def test_a_laboratory_reads_milliseconds_and_millimetres():
+    scales = presets.preset("R-macro").unit
+    trace = _ring(scales)
+    ax = plot.channel(trace, "H", relative=False, laboratory=True)
+    assert ax.get_xlabel() == quantity("t").label("ms")
+    assert ax.get_ylabel() == quantity("H").label("mm")
+    line = _line(ax, "H")
+    np.testing.assert_allclose(line.get_ydata(), trace["H"] * 22.5)
+    np.testing.assert_allclose(line.get_xdata(), trace.times * scales.time * 1e3)
+    assert "Hz" in plot.heard(trace, _heard(scales), "H", laboratory=True).texts[0].get_text()
+    with pytest.raises(BadValue):
+        plot.channel(_ring(), "H", laboratory=True)
+
+
+def test_what_was_heard_lies_on_a_record_of_two_modes():
+    trace = _ring()
+    found = _heard()
+    ax = plot.heard(trace, found)
+    curve = _line(ax, "two modes")
+    np.testing.assert_allclose(curve.get_ydata(), trace["V"] / (4 * np.pi / 3), atol=1e-8)
+    assert np.ptp(_line(ax, "residual").get_ydata()) < 1e-8
+    assert ax.get_ylabel() == "volume V/V₀"
+    assert _draws(ax)
+
+
+@pytest.mark.slow
+def test_the_curve_drawn_is_the_one_that_was_heard():
+    trace = _ring()
+    found = extract(trace, start=0.0)
+    for name in ("V", "H"):  # H was not listened to, only measured at the frequencies of V: its curve is as good
+        np.testing.assert_allclose(two_modes(found, name, trace.times), trace[name], atol=1e-7)
+
+
+def test_nothing_heard_is_refused():
+    deaf = replace(_heard(), outcome=Outcome.UNUSABLE_DATA, reason="too short", omega_minus=None)
+    with pytest.raises(NotOk, match="too short"):
+        plot.heard(_ring(), deaf)
+    with pytest.raises(BadName):
+        plot.heard(_ring(), _heard(), "S")
+
+
+def test_the_fitted_master_curve_passes_through_the_points_of_its_law():
+    table = _table()
+    ax = plot.master_curve(table, _fit())
+    points = _line(ax, f"slow {quantity('omega_minus').symbol}")
+    np.testing.assert_allclose(points.get_xdata(), table["V_e"] * table["P_e"])
+    np.testing.assert_allclose(points.get_ydata(), (table["V_e"] * table["omega_minus"]) ** 2)
+    lines = [line for line in ax.get_lines() if len(line.get_xdata()) > 50]
+    assert len(lines) == 4  # slow and fast, of the source and of the fit
+    on_curve = np.interp(points.get_xdata(), *lines[2].get_data())
+    np.testing.assert_allclose(on_curve, points.get_ydata(), rtol=1e-4)  # linear interpolation of 200 points
+    assert ax.get_xlabel() == "VₑPₑ [E d R₀²]"
+    words = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert words[0] == f"source α₁ {SOURCE.alpha1:g}, α₂ {SOURCE.alpha2:g}, k$_{{\\mathrm{{VS}}}}$ {SOURCE.k_vs:g}"
+    assert _draws(ax)
+
+
+@pytest.mark.filterwarnings("ignore::jshell.calibration.report.FitWarning")
+def test_a_trace_fits_curve_is_near_the_truth_behind_the_noise():
+    clean = _ring()
+    noise = 0.02 * clean["H"].std() * np.random.default_rng(0).standard_normal(401)
+    noisy = Trace(clean.times, {"H": clean["H"] + noise}, clean.conditions)
+    found = fit_trajectories(noisy, "modal", fix={"alpha2": 1.0}, start=2.0)
+    axes = plot.trace_fit(found, noisy, start=2.0)
+    assert axes.shape == (1, 1)
+    assert axes[0, 0].get_ylabel() == quantity("H").label()
+    truth = clean.between(2.0, None)["H"]
+    # eight parameters of 381 data: the curve is several times nearer to the truth than the 2 % noise
+    assert np.std(_line(axes[0, 0], "fit").get_ydata() - truth) < 0.006 * np.std(truth)
+    with pytest.raises(BadShape, match="start"):
+        plot.trace_fit(found, noisy)
+    with pytest.raises(BadShape, match="master_curve"):
+        plot.trace_fit(_fit(), noisy)
+
+
+def test_the_overview_has_its_six_panels_and_is_written(tmp_path):
+    trace, table, modes = _ring(), _table(), _modes()
+    found = _heard()
+    camera = Trace(trace.times, {"H": trace["H"]}, trace.conditions, scales=presets.preset("R-macro").unit)
+    figure = plot.overview(modes.rest, modes, trace, found, table, _fit(), camera, _heard(camera.scales))
+    titles = [ax.get_title(loc="left") for ax in figure.get_axes()]
+    assert [letter for letter in "abcdef" if any(f"({letter})" in title for title in titles)] == list("abcdef")
+    for ending in ("png", "pdf", "svg"):
+        assert plot.save(figure, tmp_path / f"page.{ending}").stat().st_size > 10_000
+    with pytest.raises(BadName):
+        plot.save(figure, tmp_path / "page.bmp")
