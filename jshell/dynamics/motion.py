@@ -36,7 +36,6 @@ from jshell.membrane.energy import Area
 from jshell.shell.elasticity import Scalar
 from jshell.shell.parameters import Reduced
 
-
 SLIDING_TIME = 0.01  # what moves liquid moves by the square of it, 1e-4 of a displacement
 SLIDING_STEPS = 4  # Newton steps
 
