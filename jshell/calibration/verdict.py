@@ -46,6 +46,10 @@ def trace_result(
         outcome = Outcome.RANK_DEFICIENT
     texts = [*texts, *_misfits(problem, r, cut)]
 
+    derived = _derived(problem, space, values, errors.covariance[: len(free), : len(free)])
+    if outcome == Outcome.OK and not all(np.isfinite(e.value) for e in derived if e.name.startswith("omega")):
+        outcome = Outcome.OUT_OF_RANGE  # the constants found have no slow oscillation at all
+
     begun = np.sqrt(np.maximum(natural[best, 2], 0)) if problem.loss == "modal" else natural[best, 2]
     estimates = []
     for i, name in enumerate(names):
@@ -70,7 +74,7 @@ def trace_result(
         f"channels {', '.join(problem.records[0].channels)}, solver {problem.solver}",
         outcome=outcome,
         estimates=tuple(estimates),
-        derived=_derived(problem, space, values, errors.covariance[:count, :count]),
+        derived=derived,
         covariance=errors.covariance[:count, :count],
         correlation=errors.correlation[:count, :count],
         varied=varied,

@@ -13,6 +13,7 @@ from jshell.cli.statics import Attached, Elements, Spot, weak_spot
 from jshell.contour import WeakSpot
 from jshell.dynamics import LONGEST_STEP
 from jshell.errors import BadName, BadUnits, Outcome
+from jshell.membrane.rest import DIMPLE_DEPTH
 from jshell.shell import SPHERE_AREA, SPHERE_VOLUME
 from jshell.trace import Trace
 
@@ -69,6 +70,8 @@ def simulate(
     io.write_trace(out, trace, units="si" if units == "si" else "reduced")
     outcome = Outcome(int(trace.outcome))
     ok = outcome == Outcome.OK
+    if ok and not buckled(trace):
+        log("warning: no dimple at the end of the run: raise the outer pressure (R snaps at 1.62), or run longer")
     numbers = {
         "t_dip": signals.dip(trace),
         "V_over_V0": settled(trace, "V") / SPHERE_VOLUME if ok else None,
@@ -80,6 +83,12 @@ def simulate(
         words = {"t_dip": "dip at t", "V_over_V0": "settles at V/V0", "S_over_S0": "settles at S/S0"}
         typer.echo(table([(words[key], value) for key, value in numbers.items()], (str(out), "value")))
     finish(outcome)
+
+
+def buckled(trace: Trace) -> bool:
+    """Whether the buckling pole ends below the top of the shell."""
+    top, front, back = (float(np.asarray(trace[name])[-1]) for name in ("H", "x_front", "x_back"))
+    return top - (front - back) > DIMPLE_DEPTH
 
 
 def settled(trace: Trace, channel: str) -> float:

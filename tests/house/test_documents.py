@@ -1,0 +1,61 @@
+"""What the documents show runs, and says what they say."""
+
+import doctest
+import importlib
+import pkgutil
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+import jshell
+from jshell.cli.main import app
+
+ROOT = Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+MODULES = [module.name for module in pkgutil.walk_packages(jshell.__path__, "jshell.") if "__main__" not in module.name]
+WITH_EXAMPLES = [name for name in MODULES if ">>>" in (importlib.import_module(name).__loader__.get_source(name) or "")]
+
+
+@pytest.mark.parametrize("name", WITH_EXAMPLES)
+def test_examples_in_docstrings_print_what_they_say(name):
+    module = importlib.import_module(name)
+    names = vars(module) | {"jnp": importlib.import_module("jax.numpy"), "np": importlib.import_module("numpy")}
+    finder = doctest.DocTestFinder(exclude_empty=True)
+    runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE)
+    for test in finder.find(module, name, globs=names):
+        runner.run(test)
+    assert runner.summarize(verbose=False).failed == 0
+
+
+def test_the_readmes_python_example_hears_the_snap():
+    block = re.search(r"```python\n(.*?)```", README, re.S)
+    assert block is not None
+    names: dict = {}
+    exec(block.group(1), names)
+    assert names["heard"].omega_minus == pytest.approx(1.07, abs=0.05)  # an independent code
+
+
+def test_the_readmes_terminal_lines_name_verbs_and_options_that_exist():
+    lines = re.findall(r"^jshell (.+?)(?:\s+#.*)?$", README, re.M)
+    assert len(lines) >= 8
+    for line in lines:
+        verb, *words = shlex.split(line)
+        shown = CliRunner().invoke(app, [verb, "--help"], env={"COLUMNS": "200", "NO_COLOR": "1"})
+        assert shown.exit_code == 0, verb
+        for option in (word for word in words if word.startswith("--")):
+            assert option in shown.stdout, (verb, option)
+
+
+def test_the_readme_shows_the_two_commands():
+    assert "make demo" in README
+    assert "make test" in README
+    assert "make test" in (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+
+
+def test_links_in_the_documents_lead_somewhere():
+    for document in (ROOT / "README.md", *(ROOT / "docs").glob("*.md")):
+        for link in re.findall(r"\]\(([^)#]+)\)", document.read_text(encoding="utf-8")):
+            assert (document.parent / link).exists(), (document.name, link)

@@ -1,0 +1,111 @@
+"""What is heard is what was put in, and what cannot be heard is said."""
+
+import numpy as np
+import pytest
+from scipy.optimize import curve_fit
+
+from jshell.errors import BadName, BadValue, NotOk, Outcome
+from jshell.signals import dip, extract, ring_down_start, verdict
+from jshell.trace import Trace
+
+TIMES = np.linspace(0.0, 40.0, 401)
+TAU = 8.0
+
+
+def ring(times: np.ndarray, *modes: tuple[float, float, float]) -> np.ndarray:
+    """Damped sinusoids (amplitude, Ω, phase) of one decay time."""
+    return np.exp(-times / TAU) * sum(A * np.cos(w * times + phase) for A, w, phase in modes)
+
+
+SLOW, FAST, THIRD = (1.0, 1.05, 0.3), (0.5, 1.75, -1.0), (0.4, 2.9, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("modes", "expected"), [((SLOW,), "one"), ((SLOW, FAST), "two"), ((SLOW, FAST, THIRD), "more than two")]
+)
+def test_the_verdict_counts_the_modes_put_in(modes, expected):
+    noise = 0.01 * np.random.default_rng(0).standard_normal(TIMES.size)
+    assert extract(Trace(TIMES, {"V": 3 + ring(TIMES, *modes) + noise}), start=0.0).verdict == expected
+
+
+def test_noise_alone_never_asks_for_a_mode():
+    noise = 0.2 * np.random.default_rng(1).standard_normal(TIMES.size)
+    assert extract(Trace(TIMES, {"V": 3 + ring(TIMES, SLOW) + noise}), start=0.0).verdict == "one"
+
+
+def test_two_modes_are_heard_as_scipy_fits_them():
+    noise = 0.02 * np.random.default_rng(2).standard_normal(TIMES.size)
+    data = 3 + ring(TIMES, SLOW, FAST) + noise
+
+    def model(t, w1, w2, tau, a, b, c, d, offset):
+        wave = a * np.cos(w1 * t) + b * np.sin(w1 * t) + c * np.cos(w2 * t) + d * np.sin(w2 * t)
+        return offset + np.exp(-t / tau) * wave
+
+    best, covariance = curve_fit(model, TIMES, data, p0=[1.0, 1.8, 6.0, 1, 0, 0.5, 0, 3])
+    errors = np.sqrt(np.diag(covariance))
+    heard = extract(Trace(TIMES, {"V": data}), start=0.0)
+    # the same least squares by two routes
+    assert heard.tau == pytest.approx(best[2], rel=1e-6)
+    assert heard.omega_minus == pytest.approx(np.hypot(best[0], 1 / best[2]), rel=1e-6)
+    assert heard.omega_plus == pytest.approx(np.hypot(best[1], 1 / best[2]), rel=1e-6)
+    assert heard.stderr["tau"] == pytest.approx(errors[2], rel=0.02)  # 2 %: degrees of freedom
+
+
+def test_amplitudes_and_phases_are_those_at_the_windows_start():
+    heard = extract(Trace(TIMES, {"V": 3 + ring(TIMES, SLOW, FAST)}), start=10.0)
+    fade = np.exp(-10.0 / TAU)
+    assert heard.amplitudes["V"] == pytest.approx((SLOW[0] * fade, FAST[0] * fade), rel=1e-6)
+    assert heard.amplitude_ratio["V"] == pytest.approx(0.5, rel=1e-6)
+    wanted = [np.exp(1j * (w * 10.0 + phase)) for _, w, phase in (SLOW, FAST)]
+    np.testing.assert_allclose(np.exp(1j * np.array(heard.phases["V"])), wanted, atol=1e-5)
+
+
+def snapped(times: np.ndarray, at: float) -> np.ndarray:
+    """A sphere's volume that falls to a buckled one and rings."""
+    after = np.maximum(times - at, 0.0)
+    return np.where(times < at, 4.1, 2.9 + 0.1 * ring(after, (1.0, 1.05, np.pi)))
+
+
+def test_the_default_window_opens_five_units_after_the_dip():
+    trace = Trace(TIMES, {"V": snapped(TIMES, 8.0)})
+    heard = extract(trace)
+    assert dip(trace) == pytest.approx(8.0, abs=0.11)
+    assert heard.window[0] == pytest.approx(dip(trace) + 5, abs=0.11)
+
+
+def test_a_record_that_only_rings_holds_no_snap():
+    assert ring_down_start(Trace(TIMES, {"V": 2.9 + 0.1 * ring(TIMES, SLOW, FAST)})) is None
+    assert ring_down_start(Trace(TIMES, {"V": snapped(TIMES, 8.0)})) == pytest.approx(13.0, abs=0.2)
+
+
+def test_without_volume_all_measured_channels_are_heard_together():
+    height, width = 1.3 + ring(TIMES, SLOW), 2.1 + 0.2 * ring(TIMES, SLOW, FAST)
+    heard = extract(Trace(TIMES, {"H": height, "W": width, "v_front": TIMES}), start=0.0)
+    assert heard.channels == ("H", "W")
+    assert heard.amplitude_ratio["H"] < 1e-6
+    assert heard.amplitude_ratio["W"] == pytest.approx(0.5, rel=1e-5)
+
+
+@pytest.mark.parametrize(("values", "stop"), [(np.full(401, 2.9), None), (2.9 + ring(TIMES, SLOW), 2.0)])
+def test_what_cannot_be_heard_is_an_outcome_without_numbers(values, stop):
+    heard = extract(Trace(TIMES, {"V": values}), start=0.0, stop=stop)
+    assert heard.outcome == Outcome.UNUSABLE_DATA
+    assert heard.omega_minus is None
+    assert heard.reason
+    with pytest.raises(NotOk, match="unusable_data"):
+        extract(Trace(TIMES, {"V": values}), start=0.0, stop=stop, throw=True)
+
+
+def test_wrong_requests_are_refused():
+    trace = Trace(TIMES, {"V": 3 + ring(TIMES, SLOW)})
+    with pytest.raises(BadName, match="no such channel"):
+        extract(trace, "H")
+    holed = np.where(TIMES[7] == TIMES, np.nan, trace["V"])
+    with pytest.raises(BadValue, match="sample 7"):
+        extract(Trace(TIMES, {"V": holed}))
+
+
+def test_a_second_mode_below_the_noise_is_not_needed():
+    assert verdict((0.3, 0.28, 0.27), 0.27) == "one"
+    assert verdict((0.6, 0.04, 0.03), 0.001) == "two"
+    assert verdict((0.6, 0.43, 0.18), 0.001) == "more than two"
