@@ -17,6 +17,8 @@ from jshell.shell.elasticity import SPHERE_VOLUME
 from jshell.shell.parameters import Reduced
 from jshell.shell.rest import buckled_state
 
+POSITIVE = ("omega_minus", "omega_plus", "V_e", "P_e", "d_hat", "P0_hat", "Pext_hat")
+
 
 class Frequencies(eqx.Module):
     """A table of frequencies, one row per shell: numbers only, NaN where a frequency is missing.
@@ -58,7 +60,7 @@ def prepare(table: Mapping[str, object]) -> Prepared:
     Raises:
         BadName: A column that is needed is missing.
         BadShape: Columns of different lengths.
-        BadValue: A standard error that is not positive.
+        BadValue: A frequency, rest state, condition or standard error that is not positive; κ below 1.
     """
     columns = {str(key): np.atleast_1d(np.asarray(table[key])) for key in table}
     read = ("omega_minus", "omega_plus", "V_e", "P_e", "d_hat", "P0_hat", "Pext_hat")
@@ -71,6 +73,18 @@ def prepare(table: Mapping[str, object]) -> Prepared:
         raise BadName(
             "table", found="no frequencies", expected="omega_minus, omega_plus", remedy="Name the columns so."
         )
+
+    for key in (*POSITIVE, "kappa"):
+        least = 1.0 if key == "kappa" else 0.0
+        values = columns.get(key, np.ones(1))
+        wrong = (values < least) | ((values == 0) & (least == 0))
+        if wrong.any():
+            raise BadValue(
+                f"table, row {int(np.argmax(wrong)) + 1}, column {key!r}",
+                found=f"{values[wrong][0]:g}",
+                expected="at least 1" if least else "a number above 0",
+                remedy="Check the sign and the unit.",
+            )
 
     count = sizes.pop()[0]
     blank = np.full(count, np.nan)

@@ -18,6 +18,7 @@ from jshell.shell.rest import RestState, buckled_state, gas_pressure
 from jshell.signals import ring_down_start
 from jshell.trace import Trace
 
+MEASURED = ("V", "S", "H", "W")
 EQUILIBRIA = ("plateau", "trace")
 SMALLEST_NOISE = 1e-3  # of a channel's scatter: cleaner records are all weighed alike
 REST_TOLERANCE = 0.01
@@ -82,13 +83,16 @@ def chosen_channels(
 ) -> tuple[str, tuple[str, ...]]:
     """The loss and the channels it reads.
 
+    Without channels: those of V, S, H and W that the traces share, or else all that they share.
     Without a loss: strict where every trace is V and S and nothing else, modal otherwise.
 
     Raises:
         BadName: A channel that is missing, or that the strict loss does not know.
     """
     if channels is None:
-        names = tuple(name for name in traces[0].channels if all(name in t.channels for t in traces))
+        shared = tuple(name for name in traces[0].channels if all(name in t.channels for t in traces))
+        # pressures, velocities and energies that a simulator wrote beside the shape are not listened to
+        names = tuple(name for name in shared if name in MEASURED) or shared
     else:
         names = tuple(channels)
     for name in names:

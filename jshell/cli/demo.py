@@ -16,7 +16,7 @@ from jshell import calibration, dynamics, io, membrane, signals
 from jshell.cli.fits import fit_record
 from jshell.cli.output import Json, finish, log, say, speaking, table
 from jshell.cli.traces import heard_table, settled
-from jshell.errors import Outcome
+from jshell.errors import BadFile, Outcome
 from jshell.shell import SPHERE_VOLUME, Reduced, presets
 from jshell.shell.rest import plateau_pressure
 from jshell.trace import Trace
@@ -54,6 +54,8 @@ def demo(
     as_json: Json = False,
 ) -> None:
     """Rest, vibrate, buckle, listen, fit: the whole of jshell on the source's configuration R."""
+    if out.exists() and not out.is_dir():
+        raise BadFile("--out", found=f"the file {out}", expected="a folder", remedy="Choose another name.")
     out.mkdir(parents=True, exist_ok=True)
     began = time.perf_counter()
     conditions = presets.R.conditions

@@ -7,7 +7,7 @@ import numpy as np
 import typer
 
 from jshell import calibration, io
-from jshell.cli.output import Json, finish, log, say, speaking
+from jshell.cli.output import Json, finish, log, say, speaking, writable
 from jshell.errors import BadName, BadValue
 
 TABLE_NEEDS = ("d_hat", "P0_hat", "Pext_hat", "omega_minus", "omega_plus")
@@ -43,6 +43,8 @@ def fit(
             remedy="jshell fit T.csv, or --table T.csv",
         )
     fixed = fixed_values(fix or [])
+    if plot is not None:
+        writable(plot, "--plot")
     if table is not None:
         rows = io.read_table(table, required=TABLE_NEEDS, optional=TABLE_MAY)
         found = calibration.fit_frequencies(rows, weighting, fix=fixed)

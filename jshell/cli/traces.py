@@ -7,7 +7,7 @@ import numpy as np
 import typer
 
 from jshell import dynamics, io, signals
-from jshell.cli.output import Json, finish, log, say, speaking, table
+from jshell.cli.output import Json, finish, log, say, speaking, table, writable
 from jshell.cli.problem import Problem, with_conditions
 from jshell.cli.statics import Attached, Elements, Spot, weak_spot
 from jshell.contour import WeakSpot
@@ -41,6 +41,7 @@ def simulate(
 ) -> None:
     """Buckle a shell in time and write the trace."""
     problem.needs_viscosity()
+    writable(out, "--out")
     if units not in ("reduced", "si"):
         raise BadName("--units", found=repr(units), expected="reduced or si", remedy="Choose one.")
     if units == "si" and problem.scales is None:
@@ -115,6 +116,8 @@ def analyse(
         typer.echo(heard_table(found))
         if found.reason:
             log(found.reason)
+    if found.verdict == "more than two":
+        log(f"two modes leave {100 * (found.residual or 0):.0f} % of the signal: the two-mode picture does not hold")
     finish(found.outcome, sound=found.verdict != "more than two")
 
 

@@ -32,6 +32,9 @@ from jshell.shell.parameters import Reduced
 SWITCHING_STEPS = 8  # the layer is switched on in equal steps of sqrt(η̂)
 NEWTON_STEPS = 3  # at each of them; the last value is checked by the residual
 RESIDUAL = 1e-8
+SPARE_MODES = 4
+SAME_ROOT = 1e-6  # relative
+LOSSLESS = 1e-12  # a decay slower than this against |s| is none
 TRANSLATION = 1e3  # stiffness given to the rigid translation, which carries no mass in the modal problem
 
 
@@ -130,7 +133,9 @@ def vibrations(state: RestShape, conditions: Reduced, count: int, stokes_layer: 
     """Small vibrations about a given rest shape."""
     parts = matrices(state, conditions, area)
     frozen = jax.lax.stop_gradient(parts)
-    squared, vectors = _undamped(frozen, count)
+    # loss may reorder the roots: follow a few more than are wanted
+    followed = min(count + SPARE_MODES, parts.K.shape[0] // 4) if stokes_layer else count
+    squared, vectors = _undamped(frozen, followed)
     s = jnp.sqrt(squared.astype(complex)) * 1j
     viscosity = conditions.viscosity if stokes_layer else 0.0
 
@@ -143,8 +148,11 @@ def vibrations(state: RestShape, conditions: Reduced, count: int, stokes_layer: 
         return s, v, jnp.linalg.norm(F @ v) / size
 
     s, v, residual = jax.vmap(follow)(s, vectors.T)
-    order = jnp.argsort(jax.lax.stop_gradient(jnp.abs(s)))
+    order = jnp.argsort(jax.lax.stop_gradient(jnp.abs(s)))[:count]
     s, v, residual = s[order], v[order], residual[order]
+    # two paths that ended on one root: one of the modes was lost
+    apart = jnp.abs(s[:, None] - s[None]) + jnp.eye(count) * jnp.abs(s)[:, None]
+    residual = jnp.where(jnp.min(apart, axis=1) < SAME_ROOT * jnp.abs(s), jnp.inf, residual)
     return _measure(state, parts, s, v, residual, stokes_layer)
 
 
@@ -222,7 +230,8 @@ def _measure(state: RestShape, parts: Matrices, s, v, residual, stokes_layer: bo
     lost = ~(residual < RESIDUAL) | ~(jnp.imag(s) > 0)
     outcome = jnp.where(lost, Outcome.NOT_CONVERGED, Outcome.OK)
     outcome = jnp.where(state.outcome != Outcome.OK, state.outcome, outcome)
-    tau = -1 / jnp.real(s) if stokes_layer else jnp.full(s.shape, jnp.inf)
+    decays = -jnp.real(s) > LOSSLESS * jnp.abs(s)
+    tau = jnp.where(decays, -1 / jnp.where(decays, jnp.real(s), -1.0), jnp.inf)
     whole = jnp.zeros((s.shape[0], q.shape[0]), complex).at[:, shape.active].set(v)
     omega = jnp.abs(s)
     return Modes(omega, jnp.imag(s), tau, jnp.real(v @ slope_V), jnp.real(v @ slope_S), whole, outcome, state)

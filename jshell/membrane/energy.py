@@ -90,9 +90,10 @@ def gas_energy(volume: Float[Array, ""], conditions: Reduced) -> Float[Array, ""
     """Energy of the adiabatic gas [E d R0²], zero at V0 (eq:Ug up to a constant); isothermal at κ = 1."""
     stretch = jnp.log(volume / SPHERE_VOLUME)
     power = conditions.kappa - 1
-    isothermal = jnp.abs(power) < 1e-12
-    safe = jnp.where(isothermal, 1.0, power)
-    work = jnp.where(isothermal, -stretch, jnp.expm1(-power * stretch) / safe)
+    near = jnp.abs(power) < 1e-4  # a quotient of two small numbers: its series, exact to 1e-13 there
+    safe = jnp.where(near, 1.0, power)
+    series = -stretch * (1 - power * stretch / 2 * (1 - power * stretch / 3))
+    work = jnp.where(near, series, jnp.expm1(-power * stretch) / safe)
     return jnp.asarray(conditions.gas_pressure * SPHERE_VOLUME * work)
 
 

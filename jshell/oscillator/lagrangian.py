@@ -52,9 +52,10 @@ def potential_energy(
     kappa = jnp.asarray(conditions.kappa, dtype=float)
 
     x = jnp.log(V / V_e)
-    isothermal = jnp.abs(kappa - 1) < 1e-10  # there the power of eq:Ug becomes a logarithm
-    power = jnp.where(isothermal, 1.0, kappa - 1)
-    gas = P_e * V_e * jnp.where(isothermal, -x, jnp.expm1(-power * x) / power)
+    power = kappa - 1
+    near = jnp.abs(power) < 1e-4  # the power of eq:Ug becomes a logarithm: its series, exact to 1e-13 there
+    series = -x * (1 - power * x / 2 * (1 - power * x / 3))
+    gas = P_e * V_e * jnp.where(near, series, jnp.expm1(-power * x) / jnp.where(near, 1.0, power))
 
     outer = conditions.outer_pressure * (V - V_e)
 

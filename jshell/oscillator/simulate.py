@@ -15,7 +15,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float, Int
 
-from jshell.errors import BadName, BadShape, Outcome
+from jshell.errors import BadName, BadShape, BadValue, Outcome
 from jshell.oscillator.coefficients import Coefficients
 from jshell.oscillator.lagrangian import acceleration
 from jshell.oscillator.linear import (
@@ -159,6 +159,7 @@ def simulate(
     Raises:
         BadName: No such solver, model or adjoint; the exact solver with the nonlinear model.
         BadShape: Not four initial numbers, or times that are not a list.
+        BadValue: Initial numbers or times that are not finite.
 
     Source:
         eq:eqmovadimV, eq:eqmovadimS; nonlinear: eq:Lag.
@@ -182,6 +183,10 @@ def simulate(
             expected="shapes (4,), (times,)",
             remedy="Use jax.vmap over a batch.",
         )
+
+    for name, values in (("initial", start), ("times", ts)):
+        if not isinstance(values, Tracer) and not np.all(np.isfinite(np.asarray(values))):
+            raise BadValue(name, found="not a finite number", expected="finite numbers", remedy="Check the values.")
 
     state = buckled_state(conditions) if equilibrium is None else equilibrium
     state = RestState(jnp.asarray(state.volume, dtype=float), jnp.asarray(state.pressure, dtype=float))

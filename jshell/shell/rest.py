@@ -11,7 +11,6 @@ Source     Mokbel et al. 2021: eq:equiplateau, eq:equivol, eq:NRJsph
 import warnings
 from typing import NamedTuple
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
@@ -84,7 +83,8 @@ def sphere_state(conditions: Reduced) -> RestState:
     """Rest state of the unbuckled, uniformly compressed sphere.
 
     Returns:
-        Volume and inner pressure; differentiable in every condition.
+        Volume and inner pressure; differentiable in every condition. NaN where the outer pressure crushes
+        the sphere and no rest radius is found.
 
     Source:
         eq:NRJsph with eq:Ug; R solves P_ext - P + U'(R)/(4πR²) = 0, U the sphere's energy.
@@ -98,10 +98,6 @@ def sphere_state(conditions: Reduced) -> RestState:
 
     solver = optx.Newton(rtol=1e-13, atol=1e-13)
     solution = optx.root_find(imbalance, solver, jnp.asarray(1.0), conditions, throw=False, max_steps=64)
-    R = eqx.error_if(
-        solution.value,
-        solution.result != optx.RESULTS.successful,
-        "the compressed sphere has no rest radius at this load: the outer pressure crushes it; lower it",
-    )
+    R = jnp.where((solution.result == optx.RESULTS.successful) & (solution.value > 0), solution.value, jnp.nan)
     V = SPHERE_VOLUME * R**3
     return RestState(V, gas_pressure(V, conditions))

@@ -28,6 +28,8 @@ WORTH_HAVING = 0.05
 OVER_NOISE = 1.3
 TAKEN_AWAY = 0.3
 
+NOTHING_HEARD = 0.9  # three modes that leave this much of a record have found none
+
 VERDICTS = ("one", "two", "more than two")
 
 
@@ -131,7 +133,7 @@ def extract(
 
     Raises:
         BadName: A channel that the trace does not have.
-        BadValue: Samples that are not finite, or a window that holds nothing.
+        BadValue: Samples that are not finite.
 
     Example:
         >>> import jshell as js, numpy as np
@@ -165,6 +167,8 @@ def extract(
     if fits is None:
         return ended("no oscillation is heard in the window")
     pair = fits[1]
+    if min(found.residual for found in fits) > NOTHING_HEARD:
+        return ended("no oscillation rises above the noise in the window")
     if not pair.converged:
         return _silent(names, window, t_dip, "the two-mode fit did not converge", throw, Outcome.NOT_CONVERGED)
     residuals = tuple(found.residual for found in fits)

@@ -200,3 +200,31 @@ def test_bad_options_exit_with_two(words, place, monkeypatch):
 
 def test_version_is_told():
     assert run("--version").startswith("jshell ")
+
+
+def test_a_crushed_sphere_does_not_take_the_buckled_answer_with_it(monkeypatch):
+    found = answer(monkeypatch, "frequencies", "--preset", "R", "--pext-hat", "50")
+    assert found["omega_sphere"] is None
+    assert found["omega_minus"] > 0
+
+
+@pytest.mark.parametrize("option", ["--out", "--plot"])
+def test_a_path_that_cannot_be_written_is_refused_before_the_work(option, monkeypatch):
+    verb = ("simulate", "--preset", "R") if option == "--out" else ("fit", DATA / "trace_R.csv")
+    found = answer(monkeypatch, *verb, option, "/no/such/folder/x.png", code=2)["error"]
+    assert found["place"] == option
+
+
+def test_a_table_with_a_negative_frequency_is_refused(monkeypatch, tmp_path):
+    path = table(tmp_path / "f.csv", (1.1, 1.2, 1.4))
+    path.write_text(path.read_text().replace("1.2,", "1.2,-", 1))
+    found = answer(monkeypatch, "fit", "--table", path, code=2)["error"]
+    assert "row 2" in found["place"]
+    assert "omega_minus" in found["place"]
+
+
+def test_modes_that_thick_loss_has_merged_are_not_listed_twice(monkeypatch):
+    found = answer(monkeypatch, "modes", "--preset", "R", "--elements", "24", "--eta-hat", "10", code=3)
+    assert found["outcome"] == "not_converged"
+    omegas = [mode["omega"] for mode in found["modes"]]
+    assert np.all(np.diff(omegas) > 1e-3)

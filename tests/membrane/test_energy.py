@@ -12,7 +12,7 @@ from jshell.contour import WeakSpot, compressed_sphere, meridian, wall_profile
 from jshell.errors import BadName
 from jshell.membrane import elastic_energy, gas_energy, potential_energy, stiffness, wall
 from jshell.membrane.energy import AREAS, check_area
-from jshell.shell import SPHERE_VOLUME, sphere_energy
+from jshell.shell import SPHERE_VOLUME, Reduced, sphere_energy
 
 D = 0.22
 K_A, K_B = 1.0, D**2 / 9  # ν = 1/2
@@ -112,3 +112,16 @@ def test_moduli_follow_the_local_thickness(mesh, R):
 def test_an_unknown_energy_is_refused():
     with pytest.raises(BadName, match="current is the source's"):
         check_area("printed")
+
+
+def test_gas_energy_feels_the_exponent_at_the_isothermal_point_too():
+    # ∂²U/∂V∂κ = -∂P/∂κ = P ln(V/V0), from P = P0 (V0/V)^κ
+    V = 3.0
+
+    def pull(kappa):
+        return jax.grad(lambda v: gas_energy(v, Reduced(0.22, 0.9, 1.6, 0.0, kappa)))(jnp.asarray(V))
+
+    sphere = 4 * np.pi / 3
+    for kappa in (1.0, 1.00005, 1.4):
+        wanted = 0.9 * (sphere / V) ** kappa * np.log(V / sphere)
+        assert float(jax.grad(pull)(kappa)) == pytest.approx(wanted, rel=1e-6)  # series to third order below 1e-4

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jshell.errors import BadName, BadShape, Outcome
+from jshell.errors import BadName, BadShape, BadValue, Outcome
 from jshell.oscillator import SOURCE, Coefficients, frequencies, random_shell, random_trace, simulate
 from jshell.shell import Reduced
 from jshell.shell.sphere import buckling_load
@@ -108,3 +108,8 @@ def test_noise_is_one_percent_of_the_motion():
     clean, noisy = _run(np.linspace(0, 40, 400)), random_trace(SHELL, 0)
     gap = np.asarray(noisy["V"] - clean["V"])
     assert gap.std() / np.asarray(clean["V"]).std() == pytest.approx(0.01, rel=0.15)
+
+
+def test_a_start_that_is_not_finite_is_refused():
+    with pytest.raises(BadValue, match="initial"):
+        simulate(Reduced(0.08, 0.9, 1.2), SOURCE, initial=(np.nan, 0.0, 0.0, 0.0), times=np.linspace(0, 1, 5))

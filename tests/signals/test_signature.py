@@ -109,3 +109,10 @@ def test_a_second_mode_below_the_noise_is_not_needed():
     assert verdict((0.3, 0.28, 0.27), 0.27) == "one"
     assert verdict((0.6, 0.04, 0.03), 0.001) == "two"
     assert verdict((0.6, 0.43, 0.18), 0.001) == "more than two"
+
+
+def test_white_noise_holds_no_mode():
+    noise = np.random.default_rng(3).standard_normal(TIMES.size)
+    heard = extract(Trace(TIMES, {"V": 2.9 + 0.1 * noise}), start=0.0)
+    assert heard.outcome == Outcome.UNUSABLE_DATA
+    assert heard.omega_minus is None
