@@ -15,10 +15,9 @@ from jshell.errors import BadName, BadShape, BadValue, RangeWarning
 from jshell.oscillator.simulate import is_buckled, is_uniform
 from jshell.shell.parameters import Reduced
 from jshell.shell.rest import RestState, buckled_state, gas_pressure
-from jshell.signals import ring_down_start
+from jshell.signals import MEASURED, ring_down_start
 from jshell.trace import Trace
 
-MEASURED = ("V", "S", "H", "W")
 EQUILIBRIA = ("plateau", "trace")
 SMALLEST_NOISE = 1e-3  # of a channel's scatter: cleaner records are all weighed alike
 REST_TOLERANCE = 0.01

@@ -8,6 +8,7 @@ Symbols    d̂ thickness   P̂0 gas pressure   P̂ext outer pressure   η̂ visc
 Source     Mokbel et al. 2021, section "Description of relevant parameters"
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import equinox as eqx
@@ -21,7 +22,7 @@ from jshell.errors import BadValue
 Number = float | jax.Array | np.ndarray
 
 
-def _check(place: str, value: Number, expected: str, good) -> None:
+def check(place: str, value: Number | None, expected: str, good: Callable[[np.ndarray], np.ndarray]) -> None:
     """Refuse a concrete value outside its meaning; traced values pass."""
     if isinstance(value, Tracer) or not isinstance(value, int | float | np.ndarray | np.generic | jax.Array):
         return  # under jit the caller has checked; a non-number is one of JAX's internal placeholders
@@ -33,11 +34,11 @@ def _check(place: str, value: Number, expected: str, good) -> None:
 
 
 def _positive(place: str, value: Number) -> None:
-    _check(place, value, "a finite number above 0", lambda x: x > 0)
+    check(place, value, "a finite number above 0", lambda x: x > 0)
 
 
 def _check_ratio(value: Number) -> None:
-    _check("poisson_ratio", value, "-1 < nu <= 0.5", lambda x: (x > -1) & (x <= 0.5))
+    check("poisson_ratio", value, "-1 < nu <= 0.5", lambda x: (x > -1) & (x <= 0.5))
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,7 @@ class Gas:
 
     def __post_init__(self) -> None:
         _positive("gas pressure [Pa]", self.pressure)
-        _check("kappa", self.kappa, "a number of at least 1", lambda x: x >= 1)
+        check("kappa", self.kappa, "a number of at least 1", lambda x: x >= 1)
 
 
 @dataclass(frozen=True)
@@ -84,7 +85,7 @@ class Liquid:
 
     def __post_init__(self) -> None:
         _positive("density [kg/m^3]", self.density)
-        _check("viscosity [Pa s]", self.viscosity, "a finite number of at least 0", lambda x: x >= 0)
+        check("viscosity [Pa s]", self.viscosity, "a finite number of at least 0", lambda x: x >= 0)
 
 
 @dataclass(frozen=True)
@@ -166,11 +167,11 @@ class Reduced(eqx.Module):
     poisson_ratio: Number = 0.5
 
     def __check_init__(self) -> None:
-        _check("thickness (d_hat)", self.thickness, "0 < d_hat < 1", lambda x: (x > 0) & (x < 1))
+        check("thickness (d_hat)", self.thickness, "0 < d_hat < 1", lambda x: (x > 0) & (x < 1))
         _positive("gas_pressure (P0_hat)", self.gas_pressure)
         _positive("outer_pressure (Pext_hat)", self.outer_pressure)
-        _check("viscosity (eta_hat)", self.viscosity, "a finite number of at least 0", lambda x: x >= 0)
-        _check("kappa", self.kappa, "a number of at least 1", lambda x: x >= 1)
+        check("viscosity (eta_hat)", self.viscosity, "a finite number of at least 0", lambda x: x >= 0)
+        check("kappa", self.kappa, "a number of at least 1", lambda x: x >= 1)
         _check_ratio(self.poisson_ratio)
 
     def as_arrays(self) -> "Reduced":

@@ -2,7 +2,7 @@
 
 from jshell.signals.damped_pair import DampedModes, fit
 from jshell.signals.pencil import rates
-from jshell.signals.signature import Signature, extract, verdict
+from jshell.signals.signature import MEASURED, Signature, extract, verdict
 from jshell.signals.snap import dip, ring_down_start
 
-__all__ = ["DampedModes", "Signature", "dip", "extract", "fit", "rates", "ring_down_start", "verdict"]
+__all__ = ["MEASURED", "DampedModes", "Signature", "dip", "extract", "fit", "rates", "ring_down_start", "verdict"]

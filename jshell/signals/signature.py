@@ -19,7 +19,7 @@ from jshell.trace import Trace
 
 FEWEST_SAMPLES = 32
 HEARD = ("H", "W", "S")  # listened to together where V was not recorded
-MEASURED = ("V", "S", "H", "W")  # whose amplitude ratios are reported
+MEASURED = ("V", "S", "H", "W")  # the shape's own measures: fitted by default, their amplitude ratios reported
 MOST_STARTS = 10
 
 # A further mode is needed where what the modes so far leave is worth having (over this share of the signal,
