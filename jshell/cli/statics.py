@@ -1,12 +1,14 @@
-"""`jshell rest`, `modes` and `frequencies`: a shell at rest, how it vibrates, what the short model says."""
+"""`jshell rest`, `branch`, `modes` and `frequencies`: a shell at rest, its vibrations, what the short model says."""
 
+import importlib
+from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import typer
 
 from jshell import dynamics, membrane, oscillator
-from jshell.cli.output import Json, finish, say, speaking, table
+from jshell.cli.output import Json, finish, log, say, speaking, table, writable
 from jshell.cli.problem import Problem, with_conditions
 from jshell.contour import NO_WEAK_SPOT, WeakSpot
 from jshell.errors import BadValue, Outcome
@@ -16,6 +18,7 @@ Attached = Annotated[
     float, typer.Option("--attached", help="Half-angle of the pad that holds the shell [rad]; 0 is free.")
 ]
 Spot = Annotated[str | None, typer.Option("--weak-spot", help="DEPTH,WIDTH of a thinner wall at the buckling pole.")]
+Energy = Annotated[str, typer.Option("--energy", help="Elastic energy: current, reference or koiter.")]
 
 
 def weak_spot(text: str | None, default: WeakSpot) -> WeakSpot:
@@ -41,15 +44,23 @@ def rest(
     elements: Elements = 32,
     attached: Attached = 0.0,
     spot: Spot = None,
+    volume: Annotated[
+        float | None, typer.Option("--volume", help="Hold V/V0 at this; the outer pressure is found, not given.")
+    ] = None,
+    grading: Annotated[str, typer.Option("--grading", help="Where the nodes go: rim or uniform.")] = "rim",
+    energy: Energy = "current",
     as_json: Json = False,
 ) -> None:
-    """Rest shape: volume, area and inner pressure of a shell at a load."""
+    """Rest shape: volume, area and inner pressure of a shell at a load, or at a volume."""
     found = membrane.rest(
         problem.conditions,
         branch=branch,
         elements=elements,
         attached=attached,
         weak_spot=weak_spot(spot, NO_WEAK_SPOT),
+        area=energy,
+        volume_ratio=volume,
+        grading=grading,
     )
     outcome = Outcome(int(found.outcome))
     ok = outcome == Outcome.OK
@@ -57,6 +68,9 @@ def rest(
         "V_over_V0": found.volume_ratio,
         "S_over_S0": found.area_ratio,
         "P": found.pressure,
+        "difference": found.difference,
+        "P_ext": found.outer_pressure,
+        "elastic": found.elastic,
         "gap": found.gap,
     }
     numbers = {key: value if ok else None for key, value in numbers.items()}
@@ -68,11 +82,74 @@ def rest(
             "V_over_V0": "volume V/V0",
             "S_over_S0": "area S/S0",
             "P": "inner pressure P [E d/R0]",
+            "difference": "pressure difference ΔP [E d/R0]",
+            "P_ext": "outer pressure [E d/R0]",
+            "elastic": "elastic energy [E d R0^2]",
             "gap": "poles apart [R0]",
         }
         rows = [(words[key], value) for key, value in numbers.items()]
         typer.echo(table([*rows, ("stable", {True: "yes", False: "no", None: "–"}[stable])], ("at rest", "value")))
     finish(outcome)
+
+
+@speaking
+@with_conditions
+def branch(
+    problem: Problem,
+    elements: Elements = 32,
+    energy: Energy = "current",
+    lowest: Annotated[float, typer.Option("--lowest", help="V/V0 at which the deflated end stops.")] = 0.3,
+    rows: Annotated[int, typer.Option("--rows", help="States shown in the table.")] = 16,
+    plot: Annotated[Path | None, typer.Option("--plot", help="Draw ΔP against V here: png, pdf or svg.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Deflation branch: every dimpled shape from the sphere to contact, its folds, eigenvalue and Maxwell point."""
+    if plot is not None:
+        writable(plot, "--plot")
+    c = problem.conditions
+    found = membrane.deflation_branch(c, elements=elements, area=energy, lowest=lowest)
+    threshold = membrane.buckling_eigenvalue(c.thickness, c.poisson_ratio, area=energy)
+    maxwell = membrane.maxwell_point(c, area=energy, elements=elements, branch=found)
+    columns = {
+        "V_over_V0": found.volume_ratio,
+        "difference": found.difference,
+        "P_ext": found.outer_pressure,
+        "elastic": found.elastic,
+        "stability": found.stability,
+        "held_stability": found.held_stability,
+        "gap": found.gap,
+    }
+    marks = [(f"fold of the {fold.of}", fold.volume_ratio, fold.difference) for fold in found.folds]
+    marks.append(("first eigenvalue", float(threshold.volume_ratio), float(threshold.difference)))
+    marks.append(("Maxwell point", maxwell.volume_ratio, maxwell.difference))
+    if as_json:
+        listed = [
+            {"of": fold.of, "V_over_V0": fold.volume_ratio, "difference": fold.difference} for fold in found.folds
+        ]
+        eigenvalue = {"difference": threshold.difference, "over_classical": threshold.over_classical}
+        point = {
+            "V_over_V0": maxwell.volume_ratio,
+            "difference": maxwell.difference,
+            "deflation_over_classical": maxwell.deflation_over_classical,
+            "over_classical": maxwell.over_classical,
+        }
+        eigenvalue |= {"V_over_V0": threshold.volume_ratio, "outcome": Outcome(int(threshold.outcome))}
+        point |= {"outcome": maxwell.outcome}
+        marked = {"folds": listed, "eigenvalue": eigenvalue, "maxwell": point}
+        say({"branch": columns, **marked, "outcome": found.outcome, "conditions": problem.record()})
+    else:
+        shown = np.unique(np.linspace(0, found.length.size - 1, max(2, rows)).round().astype(int))
+        header = ("V/V0", "ΔP", "P_ext", "energy", "stability", "at held V", "gap")
+        typer.echo(table([tuple(column[k] for column in columns.values()) for k in shown], header))
+        typer.echo("")
+        typer.echo(table(marks, ("mark", "V/V0", "ΔP [E d/R0]")))
+    if plot is not None:
+        drawing = importlib.import_module("jshell.plot")
+        axes = drawing.deflation(found, threshold=threshold, maxwell=maxwell)
+        drawing.save(axes.figure, plot)
+        log(f"drawn: {plot}")
+    # a branch that ends where the poles touch has been followed to its end
+    finish(Outcome.OK if found.outcome == Outcome.CONTACT else found.outcome)
 
 
 @speaking

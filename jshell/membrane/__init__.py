@@ -1,8 +1,16 @@
 """The solid: one elastic energy and the shapes it rests in."""
 
+from jshell.membrane.accuracy import ShapeError, estimate_error
+from jshell.membrane.branch import Branch, Fold, deflation_branch
 from jshell.membrane.energy import Wall, elastic_energy, gas_energy, potential_energy, stiffness, wall
+from jshell.membrane.maxwell import Maxwell, maxwell_point
+from jshell.membrane.plateau import plateau_pressure
 from jshell.membrane.rest import RestShape, rest, rest_shape
+from jshell.membrane.threshold import Threshold, buckling_eigenvalue
+from jshell.membrane.viscous import WallLoss, wall_resistance
 
 __all__ = [
-    "RestShape", "Wall", "elastic_energy", "gas_energy", "potential_energy", "rest", "rest_shape", "stiffness", "wall",
+    "Branch", "Fold", "Maxwell", "RestShape", "ShapeError", "Threshold", "Wall", "WallLoss", "buckling_eigenvalue",
+    "deflation_branch", "elastic_energy", "estimate_error", "gas_energy", "maxwell_point", "plateau_pressure",
+    "potential_energy", "rest", "rest_shape", "stiffness", "wall", "wall_resistance",
 ]  # fmt: skip

@@ -8,7 +8,8 @@ constant matrices.
 
 Symbols    λ1, λ2 stretches along and across the meridian [-]   H mean curvature [1/R0]
            U energy [E d R0²]
-Valid for  small strains, any rotation; axial symmetry
+Valid for  small strains, any rotation; axial symmetry. Over the current area the energy has no floor: a wall that is
+           squeezed to nothing along the meridian has none left
 Source     Mokbel et al. 2021: Eq:bend, Eq:stretch (area="current"), eq:Ug, eq:Upext; Koiter: Koiter 1966
 """
 
@@ -20,7 +21,7 @@ from jaxtyping import Array, Float
 
 from jshell.contour import Curve, Meridian, speed, volume
 from jshell.errors import BadName
-from jshell.shell.elasticity import SPHERE_VOLUME, moduli
+from jshell.shell.elasticity import SPHERE_VOLUME, Scalar, moduli
 from jshell.shell.parameters import Reduced
 from jshell.shell.rest import gas_pressure
 
@@ -109,17 +110,25 @@ def potential_energy(
 def stiffness(
     shape: Meridian, q: Float[Array, "coordinates"], wall: Wall, conditions: Reduced, area: Area | str = "current"
 ) -> Float[Array, "coordinates coordinates"]:
-    """Hessian of the potential energy, K [E d], from 6 x 6 Hessians at the Gauss points.
+    """Hessian of the potential energy, K [E d].
 
     The gas adds κP/V ∇V∇Vᵀ and, with the outer pressure, (P_ext - P) ∇²V.
     """
     V = volume(shape, q)
     P = gas_pressure(V, conditions)
-    excess = conditions.outer_pressure - P
+    slope = jax.grad(lambda q: volume(shape, q))(q)
+    K = stiffness_at(shape, q, wall, conditions.outer_pressure - P, area)
+    return K + conditions.kappa * P / V * jnp.outer(slope, slope)
+
+
+def stiffness_at(
+    shape: Meridian, q: Float[Array, "coordinates"], wall: Wall, difference: Scalar, area: Area | str = "current"
+) -> Float[Array, "coordinates coordinates"]:
+    """Hessian of the elastic energy plus ΔP V at constant ΔP, from 6 x 6 Hessians at the Gauss points."""
 
     def local(point, wall):
         curve = Curve(*point)
-        return density(curve, wall, area) - excess * jnp.pi * curve.r**2 * curve.x1
+        return density(curve, wall, area) - difference * jnp.pi * curve.r**2 * curve.x1
 
     points = jnp.stack(shape.at_points(q), axis=1)
     hessian = jax.vmap(jax.hessian(local))(points, wall) * shape.weights[:, None, None]
@@ -138,6 +147,4 @@ def stiffness(
         return total
 
     K_xx, K_xr, K_rr = product(X, X), product(X, R), product(R, R)
-    K = jnp.block([[K_xx, K_xr], [K_xr.T, K_rr]])
-    slope = jax.grad(lambda q: volume(shape, q))(q)
-    return K + conditions.kappa * P / V * jnp.outer(slope, slope)
+    return jnp.block([[K_xx, K_xr], [K_xr.T, K_rr]])

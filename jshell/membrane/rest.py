@@ -1,80 +1,41 @@
 """The rest shape: where elastic energy, gas and outer pressure balance.
 
-A saddle-free Newton iteration with exact Hessians walks down from a mirrored
-cap (buckled branch); a plain one finds the compressed sphere whether it is
-stable or not. One more Newton step with frozen matrix then carries the
-derivative: the rest shape is differentiable in every condition.
+The door: options, warnings, and what is tried when a thin shell is not found at
+once.
 
-Symbols    q coordinates [R0]   V, S volume and area   P inner pressure [E d/R0]
-Valid for  as the elastic energy; poles apart
-Source     Mokbel et al. 2021, numerical method; implicit function theorem for the derivative
+Symbols    V volume [R0³]   P inner pressure, ΔP pressure difference [E d/R0]
+Valid for  as the elastic energy; poles apart; axial symmetry, which real dimples lose below d̂ ~ 0.05
+Source     Mokbel et al. 2021, numerical method
 """
 
+import warnings
 from functools import lru_cache
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Float, Int
 
-from jshell.contour import (
-    NO_WEAK_SPOT,
-    Meridian,
-    WeakSpot,
-    area,
-    compressed_sphere,
-    dimple,
-    gap,
-    height,
-    meridian,
-    volume,
-    wall_profile,
-)
-from jshell.errors import BadName, NotOk, Outcome
-from jshell.membrane.energy import Area, check_area, potential_energy, stiffness, wall
-from jshell.shell.elasticity import SPHERE_AREA, SPHERE_VOLUME
+from jshell.contour import NO_WEAK_SPOT, Meridian, WeakSpot, meridian, regrade, rim_breaks, thinned, transfer
+from jshell.errors import BadName, BadValue, NotOk, Outcome, RangeWarning
+from jshell.membrane.energy import Area, check_area
+from jshell.membrane.equilibrium import CONTACT_GAP as CONTACT_GAP
+from jshell.membrane.equilibrium import RestShape, find, seed, settle, shape_like
+from jshell.shell.elasticity import Scalar
 from jshell.shell.parameters import Reduced
-from jshell.shell.rest import gas_pressure, plateau_pressure, sphere_state
 
 Branch = Literal["buckled", "sphere"]
 BRANCHES = ("buckled", "sphere")
-STEPS = 120
-TOLERANCE = 1e-9  # largest Newton step [R0]; the error left is its square
-CONTACT_GAP = 0.01  # poles nearer than this count as touching [R0]
-DIMPLE_DEPTH = 0.01  # a buckling pole this far below the top counts as buckled [R0]
-GAUGE = 10.0  # stiffness that pins the free translation; zero energy in any rest shape
-
-
-class RestShape(eqx.Module):
-    """A shell at rest.
-
-    Attributes:
-        coordinates: Spline coefficients of the meridian [R0].
-        volume, area: V [R0³] and S [R0²]; `volume_ratio`, `area_ratio` against the stress-free sphere.
-        pressure: Inner pressure [E d/R0].
-        gap: Distance between the poles [R0].
-        stability: Smallest eigenvalue of the stiffness, negative where the shape is unstable [E d].
-        outcome: Integer of `Outcome`: ok, not_converged, contact or no_buckled_state.
-    """
-
-    coordinates: Float[Array, "coordinates"]
-    volume: Float[Array, ""]
-    area: Float[Array, ""]
-    pressure: Float[Array, ""]
-    gap: Float[Array, ""]
-    stability: Float[Array, ""]
-    outcome: Int[Array, ""]
-    meridian: Meridian
-    profile: Float[Array, "points"]
-
-    @property
-    def volume_ratio(self) -> Float[Array, "..."]:
-        return self.volume / SPHERE_VOLUME
-
-    @property
-    def area_ratio(self) -> Float[Array, "..."]:
-        return self.area / SPHERE_AREA
+Grading = Literal["rim", "uniform"]
+GRADINGS = ("rim", "uniform")
+THIN = 0.02  # a shell thinner than this that is not found at once is sought by continuation from here
+SHRINK, NO_STEP = 0.8, 0.995  # ratio of thicknesses from step to step; where it gives up
+SYMMETRIC_ABOVE = 0.05  # real dimples keep their axial symmetry above about this thickness
+UNRESOLVED = 1.5  # above this the rim is not there
+COARSEST = 0.6  # element length at the rim over √d̂ that still gives V/V0 to 1e-4
 
 
 def rest(
@@ -85,6 +46,8 @@ def rest(
     attached: float = 0.0,
     weak_spot: WeakSpot = NO_WEAK_SPOT,
     area: Area | str = "current",
+    volume_ratio: Scalar | None = None,
+    grading: Grading | str = "rim",
     throw: bool = False,
 ) -> RestShape:
     """Rest shape of a shell on one branch; differentiable and vmappable in the conditions.
@@ -96,6 +59,8 @@ def rest(
         attached: Half-angle of the pad that holds the shell [rad]; 0 is free.
         weak_spot: Thinner wall around the buckling pole; none by default.
         area: Which elastic energy, see `jshell.membrane.energy.density`.
+        volume_ratio: Hold the shell at this V/V0 [-] instead: the outer pressure is then found, not given.
+        grading: `rim` crowds the nodes where a dimple bends, `uniform` spaces them evenly. On the sphere both are even.
         throw: Raise `NotOk` unless the outcome is ok (outside `jit` only).
 
     Returns:
@@ -110,14 +75,121 @@ def rest(
         >>> print(shape.volume_ratio.round(4), shape.pressure.round(4))
         0.6992 1.4853
     """
-    if branch not in BRANCHES:
-        raise BadName("branch", found=repr(branch), expected="one of " + ", ".join(BRANCHES), remedy="Choose one.")
+    for name, value, known in (("branch", branch, BRANCHES), ("grading", grading, GRADINGS)):
+        if value not in known:
+            raise BadName(name, found=repr(value), expected="one of " + ", ".join(known), remedy="Choose one.")
     check_area(area)
-    shape = cached_meridian(elements, attached)
-    found = rest_shape(shape, conditions.as_arrays(), wall_profile(shape, weak_spot), branch, area)
+    _check_ratio(volume_ratio)
+    ratio = None if volume_ratio is None else jnp.asarray(volume_ratio, dtype=float)
+    spot = jnp.asarray(weak_spot.depth, dtype=float), jnp.asarray(weak_spot.width, dtype=float)
+    graded = grading == "rim" and branch == "buckled"
+    found = find(cached_meridian(elements, attached), conditions.as_arrays(), spot, branch, area, ratio, graded)
+    if branch == "buckled":
+        if volume_ratio is None and not isinstance(found.outcome, Tracer) and _lost(found, conditions):
+            found = thinned_down(conditions.as_arrays(), found, spot, area)
+        found = judged(found, conditions.thickness)
     if throw:
         raise_unless_ok("rest shape", found.outcome)
     return found
+
+
+def judged(found: RestShape, thickness: Scalar) -> RestShape:
+    """Warn of a thin shell's broken symmetry and of too few elements at the rim (concrete shapes only).
+
+    Where a rim lies within an element or two, the shape is out_of_range.
+    """
+    if isinstance(thickness, Tracer) or isinstance(found.outcome, Tracer):
+        return found
+    if np.any(np.asarray(thickness) < SYMMETRIC_ABOVE):
+        warnings.warn(
+            f"below d_hat = {SYMMETRIC_ABOVE} real dimples lose the axial symmetry that is assumed here",
+            RangeWarning,
+            stacklevel=3,
+        )
+    ok = np.asarray(found.outcome) == Outcome.OK
+    if not np.any(ok):
+        return found
+    spacing = np.asarray(rim_spacing(found))
+    coarse = np.where(ok, spacing / np.sqrt(np.asarray(thickness)), 0.0)
+    if np.max(coarse) > COARSEST:
+        smallest = (np.max(np.where(ok, spacing, 0.0)) / COARSEST) ** 2
+        warnings.warn(
+            f"elements at the rim are {np.max(coarse):.2g} sqrt(d_hat) long: V/V0 may be off by more than 1e-4; the "
+            f"smallest d_hat that they resolve is about {smallest:.2g}: take more elements, or grading='rim'",
+            RangeWarning,
+            stacklevel=3,
+        )
+    judgement = jnp.where(jnp.asarray(coarse > UNRESOLVED), int(Outcome.OUT_OF_RANGE), found.outcome)
+    return eqx.tree_at(lambda shape: shape.outcome, found, judgement)
+
+
+def _lost(found: RestShape, conditions: Reduced) -> bool:
+    """Whether a single thin shell did not converge."""
+    thin = np.ndim(conditions.thickness) == 0 and float(conditions.thickness) < THIN
+    return thin and found.outcome.ndim == 0 and int(found.outcome) == Outcome.NOT_CONVERGED
+
+
+def thinned_down(
+    conditions: Reduced, lost: RestShape, spot: tuple[Float[Array, ""], Float[Array, ""]], area: str
+) -> RestShape:
+    """A thin shell's rest shape by continuation from a thicker one, at the volume its gas will have.
+
+    Where a thickness is reached at which no step succeeds, the lost shape comes back as out_of_range, and a warning
+    names that thickness.
+    """
+    base = cached_meridian(lost.meridian.elements, lost.meridian.attached)
+    wanted, ratio = float(conditions.thickness), shape_like(conditions, None)
+    with_thickness = lambda d: eqx.tree_at(lambda c: c.thickness, conditions, jnp.asarray(d))  # noqa: E731
+    reached, shrink = THIN, SHRINK
+    last = find(base, with_thickness(THIN), spot, "buckled", area, ratio, True)
+    while int(last.outcome) == Outcome.OK and reached > wanted and shrink < NO_STEP:
+        d = max(wanted, reached * shrink)
+        trial = _moved(last, with_thickness(d), spot, area, ratio)
+        if int(trial.outcome) == Outcome.OK:
+            last, reached = trial, d
+        else:
+            shrink = shrink**0.5
+    if reached == wanted and int(last.outcome) == Outcome.OK:
+        found = _moved(last, conditions, spot, area, None)
+        if int(found.outcome) != Outcome.NOT_CONVERGED:
+            return found
+    warnings.warn(
+        f"no rest shape at d_hat = {wanted:g} on {base.elements} elements; the smallest reached is {reached:.3g}: "
+        "take more elements",
+        RangeWarning,
+        stacklevel=4,
+    )
+    return eqx.tree_at(lambda s: s.outcome, lost, jnp.asarray(int(Outcome.OUT_OF_RANGE)))
+
+
+@eqx.filter_jit
+def _moved(
+    before: RestShape,
+    conditions: Reduced,
+    spot: tuple[Float[Array, ""], Float[Array, ""]],
+    area: str,
+    volume_ratio: Float[Array, ""] | None,
+) -> RestShape:
+    """The rest shape near another one, on nodes that follow its rim."""
+    shape = regrade(before.meridian, rim_breaks(before.meridian, before.coordinates))
+    start = transfer(before.coordinates, before.meridian, shape)
+    return settle(shape, conditions, thinned(shape, *spot), start, "buckled", area, volume_ratio)
+
+
+@eqx.filter_jit
+def rim_spacing(found: RestShape) -> Float[Array, "..."]:
+    """Length of the element that bends most [rad]."""
+
+    def spacing(shape, q):
+        curve = shape.at_points(q)
+        turning = jnp.abs(curve.x1 * curve.r2 - curve.r1 * curve.x2) / (curve.x1**2 + curve.r1**2)
+        where = jnp.searchsorted(shape.nodes, shape.angles[jnp.argmax(turning)]) - 1
+        return jnp.diff(shape.nodes)[where]
+
+    batch = found.volume.ndim
+    for _ in range(batch):
+        spacing = eqx.filter_vmap(spacing)
+    return spacing(found.meridian, found.coordinates)
 
 
 @lru_cache(maxsize=16)
@@ -138,99 +210,17 @@ def rest_shape(
     shape: Meridian, conditions: Reduced, profile: Float[Array, "points"], branch: str, area: str
 ) -> RestShape:
     """Rest shape on a given discretisation and thickness profile."""
-    if branch == "buckled":
-        excess = conditions.outer_pressure - plateau_pressure(conditions.thickness, conditions.poisson_ratio)
-        ratio = (conditions.gas_pressure / jnp.maximum(excess, 1e-6)) ** (1 / conditions.kappa)
-        start = dimple(shape, jnp.clip(ratio, 0.3, 0.95), conditions.thickness)
-    else:
-        start = compressed_sphere(shape, (sphere_state(conditions).volume / SPHERE_VOLUME) ** (1 / 3))
-    return settle(shape, conditions, profile, start, branch, area)
+    return settle(shape, conditions, profile, seed(shape, conditions, branch, None), branch, area)
 
 
-def settle(
-    shape: Meridian,
-    conditions: Reduced,
-    profile: Float[Array, "points"],
-    start: Float[Array, "coordinates"],
-    branch: str,
-    area: str,
-) -> RestShape:
-    """Newton iteration from a start, and the measures of what it finds."""
-    solution = _iterate(*jax.lax.stop_gradient((shape, conditions, profile, start)), branch, area)
-
-    # The derivative: q(p) = q* - K⁻¹ ∇U(q*, p), with q* and K frozen.
-    frozen = jax.lax.stop_gradient(solution.q)
-    slope = shape.free(jax.grad(_pinned)(frozen, shape, conditions, profile, area))
-    correction = -jnp.linalg.solve(jax.lax.stop_gradient(solution.K), slope)
-    correction = jnp.where(solution.converged, correction, 0.0)
-    q = frozen.at[shape.active].add(correction)
-
-    V = volume(shape, q)
-    distance = gap(shape, q)
-    sunk = height(shape, q) - distance
-    outcome = jnp.where(solution.converged, Outcome.OK, Outcome.NOT_CONVERGED)
-    if branch == "buckled":
-        outcome = jnp.where(solution.converged & (sunk < DIMPLE_DEPTH), Outcome.NO_BUCKLED_STATE, outcome)
-    outcome = jnp.where(distance < CONTACT_GAP, Outcome.CONTACT, outcome)
-    return RestShape(
-        q, V, area_of(shape, q), gas_pressure(V, conditions), distance, solution.lowest, outcome, shape, profile
-    )
-
-
-area_of = area
-
-
-class _Solution(NamedTuple):
-    q: Float[Array, "coordinates"]
-    K: Float[Array, "free free"]
-    lowest: Float[Array, ""]
-    converged: Array
-
-
-def _pinned(q, shape, conditions, profile, area):
-    """Potential energy, the free translation pinned at no cost in energy."""
-    U = potential_energy(shape, q, wall(shape, conditions, profile), conditions, area)
-    return U + GAUGE / 2 * (shape.shift @ (q - shape.sphere) / shape.x_size) ** 2
-
-
-def _iterate(shape, conditions, profile, start, branch, area) -> _Solution:
-    moduli = wall(shape, conditions, profile)
-    gauge = GAUGE / shape.x_size**2 * jnp.outer(shape.shift, shape.shift)
-    energy = lambda q: _pinned(q, shape, conditions, profile, area)  # noqa: E731
-    minimise = branch == "buckled"
-
-    def stiff(q):
-        K = stiffness(shape, q, moduli, conditions, area) + gauge
-        return K[shape.active][:, shape.active]
-
-    def step(state):
-        q, U, damping, _, count = state
-        slope = shape.free(jax.grad(energy)(q))
-        values, vectors = jnp.linalg.eigh(stiff(q))
-        scale = jnp.abs(values) + damping if minimise else values
-        move = -vectors @ ((vectors.T @ slope) / scale)
-        size = jnp.max(jnp.abs(move))
-        move = move * jnp.minimum(1.0, 0.3 / size)
-        trial = q.at[shape.active].add(move)
-        lower = energy(trial)
-        if minimise:
-            accept = jnp.isfinite(lower) & (lower <= U + 1e-12 * (1 + jnp.abs(U)))
-        else:
-            accept = jnp.isfinite(lower)
-        damping = jnp.where(accept, damping / 8, jnp.maximum(8 * damping, 1e-3))
-        q, U = jnp.where(accept, trial, q), jnp.where(accept, lower, U)
-        # a short step counts only when nothing shortened it
-        honest = jnp.where(accept & (damping < 1e-3), size, jnp.inf)
-        return q, U, damping, honest, count + 1
-
-    def unsettled(state):
-        _, _, _, size, count = state
-        return (size > TOLERANCE) & (count < STEPS)
-
-    state = (start, energy(start), jnp.asarray(1e-2), jnp.asarray(jnp.inf), 0)
-    q, U, _, size, _ = jax.lax.while_loop(unsettled, step, state)
-    K = stiff(q)
-    lowest = jnp.linalg.eigvalsh(jnp.where(jnp.isfinite(K), K, 0.0))[0]
-    converged = (size <= TOLERANCE) & jnp.isfinite(U)
-    K = jnp.where(converged, K, jnp.eye(K.shape[0]))
-    return _Solution(q, K, lowest, converged)
+def _check_ratio(ratio: Scalar | None) -> None:
+    if ratio is None or isinstance(ratio, Tracer):
+        return
+    numbers = np.asarray(ratio)
+    if not np.all((numbers > 0.05) & (numbers < 1.2)):
+        raise BadValue(
+            "volume_ratio",
+            found=f"{numbers}",
+            expected="V/V0 from 0.05 to 1.2",
+            remedy="0.7 is usual; 1 is the sphere.",
+        )

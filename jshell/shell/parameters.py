@@ -132,6 +132,7 @@ class Scales:
             "volume": length**3,
             "time": time,
             "speed": length / time,
+            "volume rate": length**3 / time,
             "pressure": pressure,
             "energy": pressure * length**3,
             "frequency": 1 / time,

@@ -4,12 +4,13 @@ Both are the short model's rest states, closed forms and one scalar root; the
 rest *shape* is computed by `jshell.membrane`.
 
 Symbols    V volume [R0³]   P inner pressure [E d/R0]   R radius [R0]
-Valid for  eq:equiplateau is within 2 % for 0.05 <= d̂ <= 0.1 and V/V0 0.5-0.7
+Valid for  eq:equiplateau is within 2 % for 0.05 <= d̂ <= 0.1 and V/V0 0.5-0.7; pogorelov within 0.5 % for
+           0.01 <= d̂ <= 0.12 at V/V0 = 0.7
 Source     Mokbel et al. 2021: eq:equiplateau, eq:equivol, eq:NRJsph
 """
 
 import warnings
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -17,11 +18,13 @@ import optimistix as optx
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
-from jshell.errors import RangeWarning
+from jshell.errors import BadName, RangeWarning
 from jshell.shell.elasticity import SPHERE_VOLUME, Scalar, moduli
 from jshell.shell.parameters import Reduced
 
-PLATEAU_RANGE = (0.05, 0.1)
+Law = Literal["coupier2019", "pogorelov"]
+PLATEAU_RANGES = {"coupier2019": (0.05, 0.1, "2 %"), "pogorelov": (0.01, 0.12, "0.5 %")}
+PLATEAU_RANGE = PLATEAU_RANGES["coupier2019"][:2]
 
 
 class RestState(NamedTuple):
@@ -31,27 +34,41 @@ class RestState(NamedTuple):
     pressure: Float[Array, ""]
 
 
-def plateau_pressure(thickness: Scalar, poisson_ratio: Scalar = 0.5) -> Scalar:
-    """Pressure difference ΔP_pl that holds a buckled shell [E d/R0].
+def plateau_pressure(thickness: Scalar, poisson_ratio: Scalar = 0.5, law: Law | str = "coupier2019") -> Scalar:
+    """Pressure difference ΔP_pl that holds a buckled shell, by a law [E d/R0].
 
-    The law of Coupier et al. 2019, for any Poisson ratio.
+    `jshell.membrane.plateau_pressure` computes it instead.
+
+    Args:
+        thickness: d̂ [-].
+        poisson_ratio: ν [-].
+        law: `coupier2019`, for any Poisson ratio, or `pogorelov`, his power of d̂ with a correction for thick walls.
+
+    Raises:
+        BadName: Another law.
 
     Source:
-        eq:equiplateau. The printed prefactor (3/4)^-0.75 is (1 - ν²)^(-3/4) at ν = 1/2.
+        eq:equiplateau. The printed prefactor (3/4)^-0.75 is (1 - ν²)^(-3/4) at ν = 1/2. The constants of
+        `pogorelov`, 0.703 and 1.15, fit computed plateaus at V/V0 = 0.7 to 0.5 %.
     """
     d = thickness
-    return (1 - poisson_ratio**2) ** (-0.75) * (2.34e-6 + 0.9 * d**2.57) / d
+    poisson = (1 - poisson_ratio**2) ** (-0.75)
+    if law == "coupier2019":
+        return poisson * (2.34e-6 + 0.9 * d**2.57) / d
+    if law == "pogorelov":
+        return poisson * 0.703 * d**1.5 * (1 + 1.15 * d)
+    raise BadName("law", found=repr(law), expected="one of " + ", ".join(PLATEAU_RANGES), remedy="Choose one.")
 
 
-def warn_outside_plateau_range(thickness: Scalar) -> None:
-    """Warn where the plateau law has not been checked (concrete values only)."""
-    if isinstance(thickness, Tracer):
+def warn_outside_plateau_range(thickness: Scalar, law: Law | str = "coupier2019") -> None:
+    """Warn where a plateau law has not been checked (concrete values only)."""
+    if isinstance(thickness, Tracer) or law not in PLATEAU_RANGES:
         return
-    low, high = PLATEAU_RANGE
+    low, high, accuracy = PLATEAU_RANGES[law]
     d = np.asarray(thickness)
     if np.any((d < low) | (d > high)):
         warnings.warn(
-            f"the plateau law coupier2019 is within 2 % for {low} <= d_hat <= {high} only; "
+            f"the plateau law {law} is within {accuracy} for {low} <= d_hat <= {high} only; "
             f"at d_hat = {float(d.ravel()[0]):g} the volume may be off by a percent and the pressure by 10 % or more",
             RangeWarning,
             stacklevel=3,

@@ -1,0 +1,72 @@
+"""Where the nodes go: crowded at the rim of a dimple, sparse elsewhere.
+
+A buckled shell bends within a rim of width ~ √d̂ and hardly anywhere else.
+Equal shares of a monitor, √(1 + (c b)²) with b the turning of the meridian per
+θ, put the elements there. Neighbours must not differ much in length, or the
+ring kernels of the liquid lose digits, so the element length is limited in
+slope.
+
+Symbols    b = κ1 λ1 turning of the meridian per θ [-]   h element length [rad]
+Source     equidistribution: de Boor 1973; slope-limited element size: Persson 2006
+"""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jshell.contour.curve import Meridian
+
+CONTRAST = 1.0  # c: weight of the turning in the monitor
+SLOPE = 0.2  # how fast the element length may grow along θ
+PASSES = 4  # the limiter changes the lengths it limits
+
+
+def rim_breaks(
+    shape: Meridian, q: Float[Array, "coordinates"], contrast: float = CONTRAST, slope: float = SLOPE
+) -> Float[Array, "nodes"]:
+    """Breakpoints that share the bending of a shape evenly [rad]; may be compiled.
+
+    Args:
+        shape: The present discretisation; as many breakpoints come back, a pad's edge stays.
+        q: The shape.
+        contrast: c, how much turning counts beside plain length; 0 is even spacing.
+        slope: Largest growth of element length per θ, about the ratio of neighbours less 1.
+    """
+    curve = shape.at_points(q)
+    turning = (curve.x1 * curve.r2 - curve.r1 * curve.x2) / (curve.x1**2 + curve.r1**2)
+    return even_shares(shape, shape.angles, turning, contrast, slope)
+
+
+def even_shares(
+    shape: Meridian,
+    angles: Float[Array, "samples"],
+    turning: Float[Array, "samples"],
+    contrast: float = CONTRAST,
+    slope: float = SLOPE,
+) -> Float[Array, "nodes"]:
+    """Breakpoints for a turning per θ that is known at some angles between the poles, increasing."""
+    everywhere = jnp.concatenate([jnp.zeros(1), angles, jnp.full(1, jnp.pi)])
+    steps = jnp.diff(everywhere)
+
+    def shares(size):
+        density = 1 / jnp.concatenate([size[:1], size, size[-1:]])
+        return jnp.concatenate([jnp.zeros(1), jnp.cumsum(steps * (density[1:] + density[:-1]) / 2)])
+
+    # an element's length is `size` times the total of the shares over the number of elements
+    raw = 1 / jnp.sqrt(1 + (contrast * turning) ** 2)
+    apart = jnp.abs(angles[:, None] - angles[None])
+    limited = lambda _, size: jnp.min(raw[None] + slope * shape.elements / shares(size)[-1] * apart, axis=1)  # noqa: E731
+    share = shares(jax.lax.fori_loop(0, PASSES, limited, raw))
+
+    fractions = jnp.linspace(0.0, 1.0, shape.elements + 1)
+    if shape.edge is None:
+        targets = fractions * share[-1]
+    else:
+        at_edge = jnp.interp(jnp.pi - shape.attached, everywhere, share)
+        k = jnp.arange(shape.elements + 1)
+        moving = k / shape.edge * at_edge
+        held = share[-1] - (shape.elements - k) / (shape.elements - shape.edge) * (share[-1] - at_edge)
+        targets = jnp.where(k < shape.edge, moving, held)
+    breaks = jnp.interp(targets, share, everywhere)
+    breaks = breaks.at[0].set(0.0).at[-1].set(jnp.pi)
+    return breaks if shape.edge is None else breaks.at[shape.edge].set(jnp.pi - shape.attached)

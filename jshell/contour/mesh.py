@@ -1,0 +1,252 @@
+"""Building a discretisation: breakpoints in, constant matrices out; and moving its nodes.
+
+A quintic spline on one element is a polynomial in the position u within it, so
+every matrix is a constant one times the element's polynomials. The same lines
+build a meridian once, from NumPy numbers, and rebuild it inside a compiled
+program, from breakpoints that it has chosen itself.
+
+Symbols    θ material angle [rad]   a angle held by a pad [rad]
+Valid for  neighbouring elements of like lengths where the liquid is computed: ratios up to about 2
+Source     the curve and its parameter: Mokbel et al. 2021, numerical method
+"""
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jshell.contour.curve import Meridian, Near
+from jshell.contour.splines import ORDER, Numbers, ParitySplines, local_splines
+from jshell.errors import BadValue
+
+POINTS = 5  # Gauss points per element: a quintic's curvature squared is integrated to rounding
+NEAR_POINTS = 10  # graded points on each element that touches a node
+GRADING = 4  # s = u⁴ turns a logarithm at s = 0 into u³ log u
+MINIMUM_ELEMENTS = 8
+
+
+def breakpoints(elements: int, attached: float = 0.0) -> tuple[np.ndarray, int | None]:
+    """Even breakpoints of the meridian [rad], and the index of a pad's edge.
+
+    The edge of a pad is a breakpoint; the elements are shared between the free
+    part and the pad in proportion to their lengths, two at least for the pad.
+    """
+    if attached == 0.0:
+        return np.linspace(0.0, np.pi, elements + 1), None
+    held = max(2, round(elements * attached / np.pi))
+    edge = np.pi - attached
+    moving = np.linspace(0.0, edge, elements - held + 1)
+    return np.concatenate([moving, np.linspace(edge, np.pi, held + 1)[1:]]), elements - held
+
+
+def meridian(elements: int = 32, attached: float = 0.0, breaks: np.ndarray | None = None) -> Meridian:
+    """A discretisation of the meridian.
+
+    Args:
+        elements: Number of spline elements from pole to pole, at least 8.
+        attached: Half-angle of the pad that holds the shell around θ = π [rad]; 0 is a free shell.
+            Position and slope are held from θ = π - attached on.
+        breaks: (elements + 1,) breakpoints [rad], increasing from 0 to π; even by default. With a pad, the
+            breakpoint at its edge keeps its place and its index, see `breakpoints`.
+
+    Raises:
+        BadValue: Too few elements, a pad that leaves nothing free, or breakpoints that do not fit.
+
+    Example:
+        >>> from jshell.contour import meridian
+        >>> meridian(16).nodes.shape
+        (17,)
+    """
+    if not isinstance(elements, int | np.integer) or elements < MINIMUM_ELEMENTS:
+        raise BadValue(
+            "elements",
+            found=repr(elements),
+            expected=f"an integer of at least {MINIMUM_ELEMENTS}",
+            remedy="32 is usual.",
+        )
+    if not 0.0 <= attached <= 2.0:
+        raise BadValue("attached", found=repr(attached), expected="an angle from 0 to 2 rad", remedy="0.33 is usual.")
+    even, edge = breakpoints(int(elements), float(attached))
+    chosen = even if breaks is None else _checked(np.asarray(breaks, dtype=float), even, edge)
+    return _build(chosen, float(attached), edge)
+
+
+def regrade(shape: Meridian, breaks: Float[Array, "nodes"]) -> Meridian:
+    """The same discretisation with its nodes elsewhere; may be compiled, and differentiated in the breakpoints.
+
+    Args:
+        shape: Any meridian of as many elements and the same pad.
+        breaks: (elements + 1,) breakpoints [rad], increasing from 0 to π; the edge of a pad stays where it is.
+    """
+    if shape.edge is not None:
+        breaks = breaks.at[shape.edge].set(np.pi - shape.attached)
+    return _build(breaks, shape.attached, shape.edge)
+
+
+def carry(u: Float[Array, "before"], old: Meridian, new: Meridian) -> Float[Array, "coordinates"]:
+    """A velocity or displacement (coordinates of `old`) as coordinates of `new`; zero where a pad holds.
+
+    The nearest splines in the mean square over θ: sixth order in the spacing, exact for what both can represent.
+    """
+    ux, ur = u[: old.x_size], u[old.x_size :]
+    x = ParitySplines(old.nodes, "even", old.edge)(new.angles) @ ux
+    r = ParitySplines(old.nodes, "odd", old.edge)(new.angles) @ ur
+    return fit(new, jnp.asarray(x), jnp.asarray(r))
+
+
+def transfer(q: Float[Array, "before"], old: Meridian, new: Meridian) -> Float[Array, "coordinates"]:
+    """The coordinates on `new` of a shape given on `old`; a held part stays exactly where it is held."""
+    return new.sphere + carry(q - old.sphere, old, new)
+
+
+def fit(
+    shape: Meridian, x: Float[Array, "points"], r: Float[Array, "points"], derivative: int = 0
+) -> Float[Array, "coordinates"]:
+    """Free coordinates of the splines nearest to two functions at the Gauss points; the held ones are zero.
+
+    With `derivative` 1 the functions are slopes: the shape nearest to them that closes at both poles, and does not
+    move along the axis.
+    """
+    moves = jnp.zeros(shape.sphere.shape).at[shape.active].set(1.0)
+
+    def nearest(basis, values, moves, rigid):
+        gram, target = _normal(basis, shape.weights, values)
+        gram = gram + (jnp.outer(rigid, rigid) if derivative else 0.0)
+        return jnp.linalg.solve(gram * moves[:, None] * moves[None] + jnp.diag(1 - moves), target * moves)
+
+    bases = shape.x_basis[derivative], shape.r_basis[derivative]
+    parts = zip(bases, (x, r), shape.split(moves), shape.split(shape.shift), strict=True)
+    return jnp.concatenate([nearest(*part) for part in parts])
+
+
+def _normal(basis: Numbers, weights: Numbers, values: Numbers) -> tuple[Numbers, Numbers]:
+    """Matrix and right side of a weighted least-squares fit."""
+    weighted = basis.T * weights[None]
+    return weighted @ basis, weighted @ values
+
+
+def _checked(breaks: np.ndarray, even: np.ndarray, edge: int | None) -> np.ndarray:
+    """The breakpoints, if they can be those of a meridian."""
+    fits = breaks.shape == even.shape
+    ends = fits and breaks[0] == 0.0 and abs(breaks[-1] - np.pi) < 1e-12
+    edged = ends and (edge is None or abs(breaks[edge] - even[edge]) < 1e-12)
+    if not (edged and np.all(np.diff(breaks) > 0)):
+        where = "" if edge is None else f", number {edge} at {even[edge]:.6g}"
+        raise BadValue(
+            "breaks",
+            found=f"{breaks.size} numbers, {np.array2string(breaks, threshold=6, precision=4)}",
+            expected=f"{even.size} increasing angles from 0 to π{where}",
+            remedy="Start from contour.breakpoints.",
+        )
+    return breaks
+
+
+def _build(breaks: Numbers, attached: float, edge: int | None) -> Meridian:
+    """All matrices, from breakpoints that are NumPy numbers or traced by JAX."""
+    xp = breaks.__array_namespace__()
+    elements = len(breaks) - 1
+    local = local_splines(breaks, edge)
+    even, odd = ParitySplines(breaks, "even", edge, local), ParitySplines(breaks, "odd", edge, local)
+    potential = even if edge is None else ParitySplines(breaks, "even")
+
+    gauss, gauss_weights = np.polynomial.legendre.leggauss(POINTS)
+    lengths = breaks[1:] - breaks[:-1]
+    angles = (breaks[:-1, None] + lengths[:, None] * (gauss[None] + 1) / 2).reshape(-1)
+    weights = (lengths[:, None] * gauss_weights[None] / 2).reshape(-1)
+    element_of = np.repeat(np.arange(elements), POINTS)
+    node = np.arange(elements + 1)[:, None]
+    touching = (element_of[None] == node) | (element_of[None] == node - 1)
+
+    bases = [
+        xp.stack([b.within(gauss, k).reshape(elements * POINTS, b.size) for k in range(3)])
+        for b in ((even, odd) if potential is even else (even, odd, potential))
+    ]
+    sphere = [
+        xp.linalg.solve(*_normal(basis[0], weights, wave))
+        for basis, wave in zip(bases, (xp.cos(angles), xp.sin(angles)), strict=False)
+    ]
+    if edge is not None:
+        moves = np.concatenate([~even.beyond(edge), ~odd.beyond(edge)])
+        shift = np.zeros(even.size + odd.size)
+    else:
+        moves = np.ones(even.size + odd.size, dtype=bool)
+        shift = np.concatenate([np.ones(even.size), np.zeros(odd.size)])
+    off_axis = np.ones((elements + 1, 1))
+    off_axis[[0, -1]] = 0.0
+    return Meridian(
+        angles=jnp.asarray(angles),
+        weights=jnp.asarray(weights),
+        x_basis=jnp.asarray(bases[0]),
+        r_basis=jnp.asarray(bases[1]),
+        potential_basis=jnp.asarray(bases[0 if potential is even else 2]),
+        nodes=jnp.asarray(breaks),
+        x_nodes=jnp.asarray(even.at_breaks()),
+        r_nodes=jnp.asarray(odd.at_breaks() * off_axis),
+        potential_nodes=jnp.asarray(potential.at_breaks()),
+        far=jnp.asarray(np.where(touching, 0.0, 1.0) * weights[None]),
+        near=_near(breaks, even, odd, potential),
+        sphere=jnp.asarray(xp.concat(sphere)),
+        active=jnp.asarray(np.flatnonzero(moves)),
+        shift=jnp.asarray(shift),
+        elements=elements,
+        attached=attached,
+        edge=edge,
+    )
+
+
+def _near(breaks: Numbers, even: ParitySplines, odd: ParitySplines, potential: ParitySplines) -> Near:
+    """Graded quadrature beside every node, with divided differences from exact Taylor coefficients.
+
+    A ring kernel near its own ring divides two small numbers, so differences
+    from the node are never formed by subtraction.
+    """
+    xp = breaks.__array_namespace__()
+    gauss, gauss_weights = np.polynomial.legendre.leggauss(NEAR_POINTS)
+    u = (gauss + 1) / 2
+    graded, graded_weights = u**GRADING, GRADING * u ** (GRADING - 1) * gauss_weights / 2
+    lengths = (breaks[1:] - breaks[:-1])[:, None]
+    half = lengths[:, :, None] / 2
+
+    def beside(after, before):
+        """(nodes, 2 NEAR_POINTS, …): the element before each node, then the one after it.
+
+        Beyond a pole there is no element: weight zero, geometry of the other side.
+        """
+        first = xp.concat([after[:1], before])
+        second = xp.concat([after, before[-1:]])
+        return jnp.asarray(xp.concat([first, second], axis=1))
+
+    def polynomials(basis, order):
+        """Value and slope, then quotient and its slope, from both ends of every element."""
+        sides = []
+        for side in (1, -1):
+            taylor = basis.taylor(side)
+            du = 2.0 * side * graded[:, None]
+            k = np.arange(ORDER)
+            value = du**k
+            slope = k * du ** np.maximum(k - 1, 0)
+            quotient = np.where(k >= 1, du ** np.maximum(k - 1, 0), 0.0)
+            quotient_slope = np.where(k >= 2, (k - 1) * du ** np.maximum(k - 2, 0), 0.0)
+            made = (value, slope, quotient, quotient_slope)[:order]
+            scales = (1.0, half, half, half**2)
+            sides.append([xp.matmul(xp.asarray(m), taylor) / s for m, s in zip(made, scales, strict=False)])
+        return [beside(after, before) for after, before in zip(*sides, strict=True)]
+
+    inside = lengths * graded_weights[None]
+    nothing = xp.zeros((1, NEAR_POINTS))
+    weights = xp.concat([xp.concat([nothing, inside]), xp.concat([inside, nothing])], axis=1)
+    xv, xs, xq, xqs = polynomials(even, 4)
+    rv, rs, rq, rqs = polynomials(odd, 4)
+    pot = xv if potential is even else polynomials(potential, 1)[0]
+    return Near(
+        weights=jnp.asarray(weights),
+        gaps=beside(lengths * graded[None], -lengths * graded[None]),
+        x_slope=xs,
+        r_slope=rs,
+        x_quotient=xq,
+        r_quotient=rq,
+        x_quotient_slope=xqs,
+        r_quotient_slope=rqs,
+        r_value=rv,
+        x_value=xv,
+        potential=pot,
+    )

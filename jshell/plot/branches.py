@@ -1,0 +1,66 @@
+"""The deflation branch: pressure difference against volume, with its folds, the eigenvalue and the Maxwell point.
+
+Symbols    V/V₀ volume [-]   ΔP pressure difference [E d/R0]
+"""
+
+import numpy as np
+
+from jshell.errors import Outcome
+from jshell.membrane import Branch, Maxwell, Threshold
+from jshell.plot.style import BLACK, BLUE, GREEN, GREY, ONE, ORANGE, VERMILION, Axes, axes_or_new, style
+
+FOLDS = {
+    "difference": ("v", "fold of the pressure"),
+    "volume": ("s", "fold of the volume"),
+    "load": ("D", "fold of the load"),
+}
+
+
+def deflation(
+    branch: Branch,
+    ax: Axes | None = None,
+    *,
+    threshold: Threshold | None = None,
+    maxwell: Maxwell | None = None,
+) -> Axes:
+    """Pressure difference against volume along a deflation branch.
+
+    Drawn through where the shape is stable at held volume, dashed where it is not. With the threshold, the line of
+    the compressed sphere is drawn up to it.
+
+    Args:
+        branch: From `jshell.membrane.deflation_branch`.
+        ax: Where to draw; by default on a new figure.
+        threshold: Eigenvalue of the sphere, from `buckling_eigenvalue`.
+        maxwell: From `maxwell_point`.
+    """
+    V, p = branch.volume_ratio, branch.difference
+    stable = branch.held_stability > 0
+    with style():
+        ax = axes_or_new(ax, ONE)
+        ax.plot(V, np.where(stable, p, np.nan), color=BLUE, label="dimple, stable at held volume")
+        if not np.all(stable):
+            # a dashed stretch begins at the last stable state, so that the line has no gap
+            edge = ~stable
+            edge[1:] |= ~stable[:-1]
+            edge[:-1] |= ~stable[1:]
+            ax.plot(V, np.where(edge, p, np.nan), color=BLUE, linestyle=(0, (3, 2)), linewidth=1.0, label="unstable")
+        if threshold is not None and int(threshold.outcome) == Outcome.OK:
+            top, at = float(threshold.difference), float(threshold.volume_ratio)
+            ax.plot([1.0, at], [0.0, top], color=GREY, label="sphere")
+            ax.plot([at], [top], "o", color=BLACK, label="first eigenvalue")
+        for kind, (marker, words) in FOLDS.items():
+            folds = [fold for fold in branch.folds if fold.of == kind]
+            if folds:
+                places = [fold.volume_ratio for fold in folds], [fold.difference for fold in folds]
+                ax.plot(*places, marker, color=VERMILION, markerfacecolor="white", label=words)
+        if maxwell is not None and maxwell.outcome == Outcome.OK:
+            ax.plot([maxwell.volume_ratio], [maxwell.difference], "*", color=GREEN, markersize=8, label="Maxwell point")
+        if branch.outcome == Outcome.CONTACT:
+            ax.plot(V[-1:], p[-1:], "X", color=ORANGE, label="poles touch")
+        ax.set_xlim(min(0.28, V.min() - 0.02), 1.01)
+        ax.set_ylim(bottom=0.0)
+        ax.set_xlabel("volume V/V₀")
+        ax.set_ylabel("pressure difference ΔP [E d/R₀]")
+        ax.legend(loc="upper left")
+    return ax
