@@ -25,6 +25,7 @@ class Outcome(enum.IntEnum):
     AT_BOUND = 7
     STALLED = 8
     UNUSABLE_DATA = 9
+    NOT_FINITE = 10
 
     @property
     def word(self) -> str:
@@ -47,6 +48,7 @@ _ADVICE = {
     Outcome.AT_BOUND: "a parameter ended on its bound: widen the bound or question the model",
     Outcome.STALLED: "the solver stopped making progress before it converged: try other starts",
     Outcome.UNUSABLE_DATA: "the data cannot carry this analysis: use a longer or cleaner record",
+    Outcome.NOT_FINITE: "the model gave no finite number: no start led to two oscillating modes",
 }
 
 

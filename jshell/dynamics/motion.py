@@ -1,20 +1,22 @@
 """Solid, gas and liquid in one equation of motion, and one step of it.
 
-    p = M(q) u,   dp/dt = ½ ∂(u·M u)/∂q - ∂U/∂q - R G(q) u
+    p = M(q) u,   dp/dt = ½ ∂(u·M u)/∂q - ∂U/∂q - C(q) u - Wᵀ[ r w + Σ a_k (w - y_k) ],   w = W(q) u
 
-with M the added mass, that of the Stokes layer included. The step is the
-generalised-α method, solved by one Newton iteration about an extrapolated
+with M the added mass and that of the Stokes layer, C the losses of bulk, wall
+and drag, y_k the velocities the layer remembers. The step is the generalised-α
+method on q, p and y_k, solved by one Newton iteration about an extrapolated
 state: one assembly and one factorisation per step, second order, and the
-spectral radius at infinity of choice. That damping settles the tangential
-motion of a massless wall, which is a constraint rather than a motion. The
-gyroscopic force of the moving wall is stiff for the same reason and lies in
-the matrix too: left explicit, it breaks the step at any length.
+spectral radius at infinity of choice. The gyroscopic force of the moving wall
+lies in the matrix: left explicit, it breaks the step at any length.
 
-The kinetic energy's gradient needs no derivative of a matrix: with the
-potential y and an adjoint z of the boundary equation held, it is the gradient
-of one scalar.
+A massless wall slides without inertia. Sliding finer than an element is given
+one, ε h⁴ ∮ |u''|² dA: without it the step would lose its grip on that sliding
+as it gets shorter; motions that the mesh resolves do not feel it.
 
-Symbols    q coordinates, u velocities, p momenta   U potential energy   R, μ resistance and mass of the layer
+The rate of q that the method carries lags behind the true velocity by a
+fraction of a step; velocities are read from the last two stages instead.
+
+Symbols    q coordinates, u velocities, p momenta   U potential energy   h element length
 Valid for  small η̂; poles apart
 Source     Hamilton's equations (equivalent to Bernoulli on the moving wall);
            Jansen, Whiting and Hulbert 2000 for the step
@@ -28,70 +30,72 @@ import jax.numpy as jnp
 import jax.scipy.linalg as jsl
 from jaxtyping import Array, Float
 
-from jshell.contour import Meridian, speed
-from jshell.flow import SingleFrequency, flow, slip_matrix, turning
-from jshell.flow.panels import flux_of, green_of, layers, single_layer_of
-from jshell.membrane import Wall, potential_energy, stiffness
+from jshell.contour import Meridian, volume
+from jshell.dynamics.operators import Body, dense, free
+from jshell.membrane import potential_energy, stiffness
 from jshell.membrane.energy import Area
 from jshell.shell.elasticity import Scalar
 from jshell.shell.parameters import Reduced
 
-SLIDING_TIME = 0.01  # what moves liquid moves by the square of it, 1e-4 of a displacement
-SLIDING_STEPS = 4  # Newton steps
+SLIDING_INERTIA = 1e-4  # ε: 2e-6 of the liquid's inertia for mode 3, 5e-3 for the finest sliding, on 24 elements
 
 
-class Body(NamedTuple):
-    """All that does not change in time: discretisation, wall, conditions, Stokes layer."""
+class Books(NamedTuple):
+    """Energy since the start [E d R0²]: work of the outer pressure, and what each loss took.
 
-    shape: Meridian
-    wall: Wall
-    conditions: Reduced
-    layer: SingleFrequency
+    `lent` is what the Stokes layer holds as motion of its own and may give back; `layer` what it dissipated.
+    """
+
+    work: Float[Array, ""]
+    layer: Float[Array, ""]
+    lent: Float[Array, ""]
+    bulk: Float[Array, ""]
+    wall: Float[Array, ""]
+    drag: Float[Array, ""]
+
+
+class Rates(NamedTuple):
+    """The rates of change that generalised-α carries along."""
+
+    q: Float[Array, "coordinates"]
+    momentum: Float[Array, "coordinates"]
+    memory: Float[Array, "terms points"]
+    books: Books
 
 
 class State(NamedTuple):
-    """Where the motion is: position, momentum, their rates, and the last two stage velocities."""
+    """Where the motion is: position, momentum, the layer's memory, books; their rates; the last two stages."""
 
     q: Float[Array, "coordinates"]
-    velocity: Float[Array, "coordinates"]
     momentum: Float[Array, "coordinates"]
-    force: Float[Array, "coordinates"]
+    memory: Float[Array, "terms points"]
+    books: Books
+    rates: Rates
     stage: Float[Array, "coordinates"]
     earlier_stage: Float[Array, "coordinates"]
 
 
-class Inertia(NamedTuple):
-    """Mass with the layer's, slip matrix G, gradient of the kinetic energy at fixed velocity, and ∂(M u)/∂q."""
+class Loads(NamedTuple):
+    """Outer pressure at a step's start, at its stage, a fraction 1/(1 + radius) of the step later, and at its end."""
 
-    mass: Float[Array, "coordinates coordinates"]
-    slip: Float[Array, "coordinates coordinates"]
-    thrust: Float[Array, "coordinates"]
-    turning: Float[Array, "coordinates coordinates"]
+    start: Scalar
+    stage: Scalar
+    end: Scalar
 
 
-def inertia(body: Body, q: Float[Array, "coordinates"], u: Float[Array, "coordinates"]) -> Inertia:
-    """Mass, slip matrix and ½ ∂(u·M u)/∂q of a shape moving with velocity u."""
-    shape = body.shape
-    current = flow(shape, q)
-    G = slip_matrix(shape, current)
-    ux, ur = shape.split(u)
-    wall_x, wall_r = shape.x_basis[0] @ ux, shape.r_basis[0] @ ur
-
-    def kinetic(q, y):
-        curve = shape.at_points(q)
-        ds = speed(curve)
-        bulk = -jnp.pi * jnp.sum(shape.weights * (shape.potential_basis[0] @ y) * flux_of(curve, wall_x, wall_r))
-        slip = (curve.x1 * wall_x + curve.r1 * wall_r - shape.potential_basis[1] @ y) / ds
-        return bulk + jnp.pi * body.layer.mass * jnp.sum(shape.weights * curve.r * ds * slip**2)
-
-    def constrained(q, y, z):
-        parts = layers(shape, q)
-        return kinetic(q, y) + z @ (green_of(shape, parts, y) + single_layer_of(shape, parts, u))
-
-    y = current.potential @ u
-    z = -jsl.lu_solve(current.factors, jax.grad(kinetic, argnums=1)(q, y), trans=1)
-    thrust = jax.grad(constrained)(q, y, z)
-    return Inertia(current.mass + body.layer.mass * G, G, thrust, turning(shape, q, current, u))
+def solid_mass(
+    shape: Meridian, profile: Float[Array, "points"], thickness: Scalar, shell_density: Scalar
+) -> Float[Array, "coordinates coordinates"]:
+    """Mass of the wall itself, ρ_s d ∮ |u|² dA over the stress-free sphere, and the inertia of unresolved sliding."""
+    sphere = 2 * jnp.pi * shape.weights * jnp.sin(shape.angles)
+    lengths = jnp.repeat(jnp.diff(shape.nodes), shape.angles.size // shape.elements)
+    heavy = sphere * profile * thickness * shell_density
+    fine = SLIDING_INERTIA * lengths**4 * sphere
+    blocks = [
+        (basis[0].T * heavy[None]) @ basis[0] + (basis[2].T * fine[None]) @ basis[2]
+        for basis in (shape.x_basis, shape.r_basis)
+    ]
+    return jsl.block_diag(*blocks)
 
 
 def at_pressure(conditions: Reduced, pressure: Scalar) -> Reduced:
@@ -100,75 +104,174 @@ def at_pressure(conditions: Reduced, pressure: Scalar) -> Reduced:
     return Reduced(c.thickness, c.gas_pressure, pressure, c.viscosity, c.kappa, c.poisson_ratio)
 
 
-@eqx.filter_jit
-def relax(
-    body: Body, q: Float[Array, "coordinates"], pressure: Scalar, area: Area | str
-) -> Float[Array, "coordinates"]:
-    """Let a displaced wall slide along itself until no tangential force is left, its shape all but unmoved.
-
-    Newton steps in which inertia over a short time holds whatever moves liquid; what moves none is free.
-    """
-    shape, loaded, free = body.shape, at_pressure(body.conditions, pressure), body.shape.active
-
-    def slide(q, _):
-        slope = jax.grad(lambda q: potential_energy(shape, q, body.wall, loaded, area))(q)
-        held = stiffness(shape, q, body.wall, loaded, area) + flow(shape, q).mass / SLIDING_TIME**2
-        return q.at[free].add(-jnp.linalg.solve(held[free][:, free], slope[free])), None
-
-    return jax.lax.scan(slide, q, None, length=SLIDING_STEPS)[0]
+def velocity(state: State, radius: float) -> Float[Array, "coordinates"]:
+    """Velocity now, from the last two stages."""
+    ahead = 1 - 1 / (1 + radius)
+    return state.stage + ahead * (state.stage - state.earlier_stage)
 
 
 def launch(
     body: Body, q: Float[Array, "coordinates"], u: Float[Array, "coordinates"], pressure: Scalar, area: Area | str
 ) -> State:
-    """The state of a shape that starts with a velocity under an outer pressure."""
-    start = inertia(body, q, u)
-    slope = jax.grad(lambda q: potential_energy(body.shape, q, body.wall, at_pressure(body.conditions, pressure), area))
-    force = start.thrust - slope(q) - body.layer.resistance * (start.slip @ u)
+    """The state of a shape that starts with a velocity under an outer pressure, its layer at rest before."""
+    at_rest = jnp.zeros((body.layer.rates.size, body.shape.angles.size))
+    nothing = Books(*jnp.zeros(len(Books._fields)))
+    return restart(body, q, u, at_rest, nothing, pressure, area)
+
+
+def restart(body: Body, q, u, memory, books: Books, pressure: Scalar, area: Area | str) -> State:
+    """The state of a motion under way, all its rates computed afresh."""
+    start = dense(body, q, u)
+    loaded = at_pressure(body.conditions, pressure)
+    slope = jax.grad(lambda q: potential_energy(body.shape, q, body.wall, loaded, area))(q)
+    w, p = start.W @ u, start.M @ u
+    strain, fade = body.layer.weights[:, None], body.layer.rates[:, None]
+    traction = body.layer.resistance * w + jnp.sum(strain * (w[None] - memory), axis=0)
+    losses = start.B @ u + start.C @ u + start.drag * p
+    force = start.thrust - slope - losses - start.W.T @ (start.surface * traction)
     held = jnp.zeros_like(q).at[body.shape.active].set(1.0)
-    return State(q, u, start.mass @ u, force * held, u, u)
+    power = _power(body, start.surface, w, memory, u @ start.B @ u, u @ start.C @ u, start.drag * (u @ p))
+    rates = Rates(u, force * held, fade * (w[None] - memory), power)
+    return State(q, p, memory, books, rates, u, u)
 
 
-def advance(body: Body, state: State, pressure: Scalar, step: Scalar, radius: float, area: Area | str) -> State:
-    """One step of generalised-α.
+def _power(body: Body, surface, w, memory, bulk, wall, drag) -> Books:
+    """What the losses take per time; the pressure's work is booked from the volume itself."""
+    left = w[None] - memory
+    strain = body.layer.weights[:, None]
+    layer = surface @ (body.layer.resistance * w**2 + jnp.sum(strain * left**2, axis=0))
+    lent = surface @ jnp.sum(strain * left * memory, axis=0)
+    return Books(jnp.zeros(()), layer, lent, bulk, wall, drag)
 
-    Args:
-        pressure: Outer pressure at the stage, a fraction 1/(1 + radius) of the step after its start.
-        step: Step length [time unit].
-        radius: Spectral radius at infinite frequency, 0 to 1: how much of the unresolved motion a step keeps.
+
+class _Stage(NamedTuple):
+    """Generalised-α at its stage y + old y' + new f: coefficients, position, extrapolated velocity, and the memory
+    y_k there but for the slip; the layer's `grip` on the slip and the `pull` of its memory.
     """
-    shape = body.shape
+
+    alpha_m: float
+    gamma: float
+    new: Scalar
+    q: Float[Array, "coordinates"]
+    guess: Float[Array, "coordinates"]
+    push: Float[Array, "coordinates"]
+    remembered: Float[Array, "terms points"]
+    grip: Scalar
+    pull: Float[Array, "points"]
+
+
+def _stage(body: Body, state: State, step: Scalar, radius: float) -> _Stage:
     alpha_m = (3 - radius) / (2 * (1 + radius))
     alpha_f = 1 / (1 + radius)
     gamma = 0.5 + alpha_m - alpha_f
     new, old = alpha_f * step * gamma / alpha_m, alpha_f * step * (1 - gamma / alpha_m)
-
-    # the stage: q + old v + new u, with u extrapolated for the matrices and then solved for
     guess = 2 * state.stage - state.earlier_stage
-    q = state.q + old * state.velocity + new * guess
-    loaded = at_pressure(body.conditions, pressure)
-    now = inertia(body, q, guess)
-    slope = jax.grad(lambda q: potential_energy(shape, q, body.wall, loaded, area))(q)
-    K = stiffness(shape, q, body.wall, loaded, area)
+    q = state.q + old * state.rates.q + new * guess
+    push = state.momentum + old * state.rates.momentum
+    layer = body.layer
+    remembered = (state.memory + old * state.rates.memory) / (1 + new * layer.rates[:, None])
+    grip = layer.resistance + jnp.sum(layer.weights / (1 + new * layer.rates))
+    pull = jnp.sum(layer.weights[:, None] * remembered, axis=0)
+    return _Stage(alpha_m, gamma, new, q, guess, push, remembered, grip, pull)
 
-    resistance = body.layer.resistance * now.slip
-    matrix = now.mass + new * (now.turning - now.turning.T + resistance) + new**2 * K
-    push = state.momentum + old * state.force
-    excess = push + new * (now.thrust - slope - resistance @ guess) - now.mass @ guess
-    free = shape.active
-    correction = jnp.zeros_like(q).at[free].set(jnp.linalg.solve(matrix[free][:, free], excess[free]))
+
+class _Found(NamedTuple):
+    """What solving the stage gave: velocity, momentum, slip there, and the power lost in bulk, wall and drag."""
+
+    u: Float[Array, "coordinates"]
+    momentum: Float[Array, "coordinates"]
+    slip: Float[Array, "points"]
+    surface: Float[Array, "points"]
+    bulk: Scalar
+    wall: Scalar
+    drag: Scalar
+
+
+def _finish(body: Body, state: State, loads: Loads, step: Scalar, at: _Stage, found: _Found) -> State:
+    """The state after a step, from what was found at its stage."""
+    shape, u, w = body.shape, found.u, found.slip
+    fade = body.layer.rates[:, None]
+    memory = at.remembered + (at.new * fade) / (1 + at.new * fade) * w[None]
+    held = jnp.zeros_like(u).at[shape.active].set(1.0)
+    power = _power(body, found.surface, w, memory, found.bulk, found.wall, found.drag)
+    stage = Rates(u, (found.momentum - at.push) / at.new * held, fade * (w[None] - memory), power)
+
+    after = jax.tree.map(lambda before, at_stage: before + (at_stage - before) / at.alpha_m, state.rates, stage)
+    moved = lambda value, before, now: value + step * ((1 - at.gamma) * before + at.gamma * now)  # noqa: E731
+    values = Rates(state.q, state.momentum, state.memory, state.books)
+    values = jax.tree.map(moved, values, state.rates, after)
+    swept = volume(shape, values.q) - volume(shape, state.q)
+    books = values.books._replace(work=values.books.work - (loads.start + loads.end) / 2 * swept)
+    return State(values.q, values.momentum, values.memory, books, after, u, state.stage)
+
+
+def _force(body: Body, loads: Loads, area: Area | str):
+    """Gradient of the potential energy under the load of the stage, a function of the coordinates."""
+    loaded = at_pressure(body.conditions, loads.stage)
+    return jax.grad(lambda q: potential_energy(body.shape, q, body.wall, loaded, area))
+
+
+def _step(body: Body, state: State, loads: Loads, step: Scalar, radius: float, area: Area | str):
+    """One step with matrices; what its derivative needs comes along."""
+    at = _stage(body, state, step, radius)
+    q, guess, ones = at.q, at.guess, body.shape.active
+    now = dense(body, q, guess)
+    K = stiffness(body.shape, q, body.wall, at_pressure(body.conditions, loads.stage), area)
+    resistance = at.grip * ((now.W.T * now.surface[None]) @ now.W) + now.B + now.C + now.drag * now.M
+    matrix = now.M + at.new * (now.T - now.T.T + resistance) + at.new**2 * K
+    forces = now.thrust - _force(body, loads, area)(q) - resistance @ guess + now.W.T @ (now.surface * at.pull)
+    excess = at.push + at.new * forces - now.M @ guess
+    factors = jsl.lu_factor(matrix[ones][:, ones])
+    correction = jnp.zeros_like(q).at[ones].set(jsl.lu_solve(factors, excess[ones]))
+
     u = guess + correction
-    momentum = now.mass @ u + new * (now.turning @ correction)
+    p = now.M @ u
+    momentum = p + at.new * (now.T @ correction)
+    found = _Found(u, momentum, now.W @ u, now.surface, u @ now.B @ u, u @ now.C @ u, now.drag * (u @ p))
+    return _finish(body, state, loads, step, at, found), (correction, factors, now)
 
-    velocity = state.velocity + (u - state.velocity) / alpha_m
-    stage_force = jnp.zeros_like(q).at[free].set(((momentum - push) / new)[free])
-    force = state.force + (stage_force - state.force) / alpha_m
-    blend = lambda before, after: step * ((1 - gamma) * before + gamma * after)  # noqa: E731
-    return State(
-        state.q + blend(state.velocity, velocity),
-        velocity,
-        state.momentum + blend(state.force, force),
-        force,
-        u,
-        state.stage,
-    )
+
+@eqx.filter_custom_jvp
+def advance(body: Body, state: State, loads: Loads, step: Scalar, radius: float, area: Area | str) -> State:
+    """One step of generalised-α; its derivative is exact and needs no derivative of a matrix.
+
+    Args:
+        loads: Outer pressure over the step.
+        step: Step length [time unit].
+        radius: Spectral radius at infinite frequency, 0 to 1: how much of the unresolved motion a step keeps.
+    """
+    return _step(body, state, loads, step, radius, area)[0]
+
+
+@advance.def_jvp
+def _advance_derivative(primals, tangents):
+    body, state, loads, step, radius, area = primals
+    after, (correction, factors, matrices) = _step(*primals)
+
+    def again(body, state, loads):
+        at = _stage(body, state, step, radius)
+        now = free(body, at.q, at.guess, matrices.inverse)
+        force = _force(body, loads, area)
+        u = at.guess + correction
+        y = now.potential(u)
+        momentum, turned = now.mass(u, y), now.turning(correction)
+        w, surface = now.slip(u, y), now.surface
+        bulk, wall = now.bulk(u, y), now.solid(u)
+        losses = now.slip_transposed(surface * (at.grip * w - at.pull)).plus(bulk).plus(momentum, now.drag)
+        p = now.on_wall(momentum.plus(turned, at.new))
+        left = at.push - p - at.new * (now.on_wall(losses) + wall)
+        left = left + at.new * (now.thrust - force(at.q) + now.turning_transposed(correction))
+        left = left - at.new**2 * jax.jvp(force, (at.q,), (correction,))[1]
+
+        # zero, with the derivative of the solution: on it the matrices may act as they are
+        ones = body.shape.active
+        change = jnp.zeros_like(u).at[ones].set(jsl.lu_solve(factors, left[ones]))
+        p = p + matrices.M @ change + at.new * (matrices.T @ change)
+        in_bulk = u @ bulk.direct + y @ bulk.potential + 2 * u @ matrices.B @ change
+        in_drag = now.drag * (u @ momentum.direct + y @ momentum.potential + 2 * u @ matrices.M @ change)
+        in_wall = u @ wall + 2 * u @ matrices.C @ change
+        found = _Found(u + change, p, w + matrices.W @ change, surface, in_bulk, in_wall, in_drag)
+        return _finish(body, state, loads, step, at, found)
+
+    _, derivative = eqx.filter_jvp(again, (body, state, loads), tuple(tangents[:3]))
+    return after, derivative

@@ -1,56 +1,82 @@
-"""A shell in time: ramp the outer pressure, watch it snap and ring.
+"""A shell in time: load it, watch it snap and ring.
 
 Symbols    t time [sqrt(ρ_f R0³/(E d))]   V, S, H, W volume, area, height, width   P inner pressure
-Valid for  axial symmetry (real dimples lose it below d̂ ~ 0.05); Stokes layer at one reference frequency
+Valid for  axial symmetry (real dimples lose it below d̂ ~ 0.05)
 Source     Mokbel et al. 2021, numerical method, with a potential flow and its Stokes layer for the liquid
 """
 
 import math
-from typing import NamedTuple
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
-from jshell.contour import WeakSpot, area, gap, height, poles, speed, volume, wall_profile, width
-from jshell.dynamics.modes import vibrations
-from jshell.dynamics.motion import Body, State, advance, launch, relax
-from jshell.dynamics.protocol import Hold, Ramp
+from jshell.contour import WeakSpot, wall_profile
+from jshell.dynamics.checkpoint import Checkpoint
+from jshell.dynamics.ladder import Rung, climb
+from jshell.dynamics.losses import Losses
+from jshell.dynamics.protocol import Forced, Hold, Pressure, Ramp, Sampled
+from jshell.dynamics.run import CHANNELS, Pace, Progress, Sample, Setup, begin, body_of, go_on
+from jshell.dynamics.starts import relax
 from jshell.errors import BadShape, BadValue, Outcome
-from jshell.flow import single_frequency
-from jshell.membrane import RestShape, elastic_energy, gas_energy, rest_shape, wall
+from jshell.membrane import RestShape
 from jshell.membrane.energy import Area, check_area
-from jshell.membrane.rest import CONTACT_GAP, cached_meridian, raise_unless_ok
-from jshell.shell.elasticity import Scalar
-from jshell.shell.parameters import Reduced
-from jshell.shell.rest import gas_pressure
-from jshell.trace import Trace
+from jshell.membrane.rest import cached_meridian, raise_unless_ok
+from jshell.shell.elasticity import SPHERE_VOLUME, Scalar
+from jshell.shell.parameters import Number, Reduced, check
+from jshell.trace import Trace, Values
 
-LONGEST_STEP = 0.025  # [time unit]: a sixtieth of the period of mode 4 of R
-RADIUS = 0.5  # spectral radius at infinity: 0.8 lets an undamped massless wall run away, 0 damps the modes
-LARGEST_MOVE = 0.2  # no node may move further than this in a step [R0]
-STRETCH = (0.2, 5.0)  # a meridional stretch outside is a spoiled mesh [-]
-CHANNELS = ("V", "S", "H", "W", "x_front", "x_back", "v_front", "v_back", "P", "P_ext", "kinetic", "elastic", "gas")
+LONGEST_STEP = 1 / 60  # [time unit]: a kicked shell keeps its energy to 1e-4 over ten periods
+CHUNK = 200  # samples between two reports of progress
+
+
+class Motion(eqx.Module):
+    """A run with its shapes.
+
+    Attributes:
+        trace: The channels in time.
+        coordinates, velocity: (samples, coordinates) of the meridian at each sample [R0], [R0/time unit].
+        nodes: (samples, nodes) breakpoints of the meridian at each sample [rad]; they move when they follow the rim.
+        setup: What the run was made of; `setup.shape` is the meridian it started on.
+    """
+
+    trace: Trace
+    coordinates: Float[Array, "samples coordinates"]
+    velocity: Float[Array, "samples coordinates"]
+    nodes: Float[Array, "samples nodes"]
+    setup: Setup
 
 
 def simulate(
     conditions: Reduced,
     *,
-    duration: float = 70.0,
-    every: float = 0.05,
-    ramp: float = 25.0,
+    duration: float | int = 70.0,
+    every: float | int = 0.05,
+    ramp: Number = 25.0,
+    pressure: Pressure | tuple | None = None,
+    forcing: Pressure | None = None,
     start: RestShape | None = None,
     displacement: Float[Array, "coordinates"] | None = None,
     velocity: Float[Array, "coordinates"] | None = None,
     elements: int = 32,
-    attached: float = 0.0,
+    attached: float | int = 0.0,
     weak_spot: WeakSpot | None = None,
+    losses: Losses | None = None,
+    shell_density: Number = 0.0,
     stokes_frequency: Scalar | complex | None = None,
-    step: float = LONGEST_STEP,
+    step: float | int = LONGEST_STEP,
+    follow: bool = False,
+    tolerance: float | None = None,
     area: Area | str = "current",
+    checkpoint: Path | str | None = None,
+    progress: Callable[[float], None] | None = None,
     throw: bool = False,
 ) -> Trace:
     """Simulate a shell: by default from the stress-free sphere, ramped to the outer pressure, then held.
@@ -62,29 +88,110 @@ def simulate(
         duration: Length of the run [time unit].
         every: Spacing of the samples [time unit].
         ramp: Time the outer pressure takes from P̂0 to P̂ext; 0 is a sudden step.
+        pressure: The outer pressure itself instead of ramp and hold: a function of time, or `(times, values)`.
+        forcing: A function of time added to the outer pressure: a tone, a burst of `jshell.oscillator`.
         start: Begin at this rest shape under constant outer pressure instead; its mesh, pad and weak spot are kept.
         displacement, velocity: (coordinates,) added to the start [R0], [R0/time unit]; only with `start`. A
             displaced wall first slides along itself until its tangential forces vanish, as a massless wall must.
         elements, attached: As in `jshell.membrane.rest`.
         weak_spot: Thinner wall that decides where the dimple starts; `WeakSpot()` by default.
-        stokes_frequency: Reference frequency of the Stokes layer, real, or a mode's complex rate
-            (`Modes.rate`) at which the layer is then exact; by default the geometric mean of the first two
-            undamped modes of the final rest state.
+        losses: What takes energy; by default the Stokes layer with its memory.
+        shell_density: Density of the wall over the liquid's, ρ_s/ρ_f [-]; the source's shell has none.
+        stokes_frequency: Short for `Losses("frequency", frequency=...)`: the layer at one frequency, cheaper.
         step: Longest time step; the samples' spacing is divided evenly.
+        follow: Whether the nodes follow the rim of the dimple; thin shells then need few elements.
+        tolerance: How far V may be from that of a finer mesh and step, over V0: picks elements and step itself,
+            from the stress-free sphere only. A run that does not get there has the outcome not_converged.
         area: Which elastic energy.
+        checkpoint: A file in which the run is kept while it goes on; the same call continues from it.
+        progress: Called with the fraction done, now and then.
         throw: Raise `NotOk` unless the run reached its end (outside `jit` only).
 
     Returns:
-        A trace with channels V, S, H, W, x_front, x_back, v_front, v_back, P, P_ext, kinetic, elastic, gas.
-        Its outcome is ok, contact, mesh or, where the reference frequency could not be found, what
-        prevented that. A run that ended early holds its samples up to the event
-        (under `jit`: repeats the last good sample to the end).
+        A trace with the channels V, S, H, W, x_front, x_back, v_front, v_back, V_rate, P, P_ext, the energies
+        kinetic, elastic, gas, and the books: work (of the outer pressure), loss_layer, lent_layer, loss_bulk,
+        loss_wall, loss_drag. kinetic + elastic + gas + losses - work stays constant. Its outcome is ok, contact
+        or mesh. A run that ended early holds its samples up to the event (under `jit`: repeats the last good
+        sample to the end, without derivative). Its settings say when a dimple formed, returned, became steady.
 
     Raises:
         BadValue, BadShape: Options that do not fit together or are outside their meaning.
     """
+    options: dict[str, Any] = dict(locals())
+    del options["conditions"], options["tolerance"]
+    if tolerance is None:
+        return _run(conditions, shapes=False, **options)[0]
+    if start is not None or checkpoint is not None:
+        raise BadValue(
+            "tolerance",
+            found="a start or a checkpoint as well",
+            expected="a run from the stress-free sphere",
+            remedy="Compare with a finer start yourself, or leave the tolerance out.",
+        )
+
+    def at(rung: Rung) -> Trace:
+        options.update(elements=rung.elements, step=rung.step, throw=False)
+        return _run(conditions, shapes=False, **options)[0]
+
+    found = climb(at, volume_apart, tolerance)
+    trace: Trace = found.result  # type: ignore[assignment]
+    settings = (*trace.settings, ("tolerance", repr(tolerance)), ("error_estimate", repr(found.error)))
+    ended_well = int(trace.outcome) == Outcome.OK
+    outcome = Outcome.NOT_CONVERGED if ended_well and not found.reached else int(trace.outcome)
+    if throw:
+        raise_unless_ok("simulation", jnp.asarray(int(outcome)))
+    return eqx.tree_at(lambda t: t.outcome, replace(trace, settings=settings), jnp.asarray(int(outcome)))
+
+
+def volume_apart(coarse: Trace, fine: Trace) -> float:
+    """Largest difference of V over V0 between two runs of one sampling; infinite unless both reached their end."""
+    if int(coarse.outcome) != Outcome.OK or int(fine.outcome) != Outcome.OK:
+        return float("inf")
+    return float(np.max(np.abs(np.asarray(coarse["V"]) - np.asarray(fine["V"])))) / SPHERE_VOLUME
+
+
+def record(conditions: Reduced, **options) -> Motion:
+    """A run with the shape of the shell at each sample; takes the options of `simulate`.
+
+    Example:
+        >>> import jshell as js
+        >>> motion = js.dynamics.record(js.presets.R.conditions, duration=0.5, elements=16)
+        >>> motion.coordinates.shape == (11, motion.setup.shape.sphere.size)
+        True
+    """
+    trace, sample, setup = _run(conditions, shapes=True, **options)
+    kept = len(trace.times)
+    return Motion(trace, sample.q[:kept], sample.velocity[:kept], sample.nodes[:kept], setup)
+
+
+def _run(
+    conditions: Reduced,
+    *,
+    shapes: bool,
+    duration=70.0,
+    every=0.05,
+    ramp=25.0,
+    pressure=None,
+    forcing=None,
+    start=None,
+    displacement=None,
+    velocity=None,
+    elements=32,
+    attached=0.0,
+    weak_spot=None,
+    losses=None,
+    shell_density=0.0,
+    stokes_frequency=None,
+    step=LONGEST_STEP,
+    follow=False,
+    area="current",
+    checkpoint=None,
+    progress=None,
+    throw=False,
+) -> tuple[Trace, Sample, Setup]:
     check_area(area)
     _check_times(duration, every, step, ramp)
+    check("shell_density", shell_density, "a finite number of at least 0", lambda x: x >= 0)
     conditions = conditions.as_arrays()
     if start is None:
         if displacement is not None or velocity is not None:
@@ -94,128 +201,64 @@ def simulate(
                 expected="a `start` to displace",
                 remedy="Pass start=rest(...).",
             )
+        spot = WeakSpot() if weak_spot is None else weak_spot
         shape = cached_meridian(elements, attached)
-        profile = wall_profile(shape, WeakSpot() if weak_spot is None else weak_spot)
-        q = shape.sphere
-        protocol = Ramp(conditions.gas_pressure, conditions.outer_pressure, jnp.asarray(ramp, dtype=float))
+        profile, q = wall_profile(shape, spot), shape.sphere
+        steady = Ramp(conditions.gas_pressure, conditions.outer_pressure, jnp.asarray(ramp, dtype=float))
     else:
-        shape, profile, q = start.meridian, start.profile, start.coordinates
-        protocol = Hold(conditions.outer_pressure)
+        spot, shape, profile, q = None, start.meridian, start.profile, start.coordinates
+        steady = Hold(conditions.outer_pressure)
+    protocol = _protocol(steady, pressure, forcing)
+    if losses is None:
+        losses = Losses() if stokes_frequency is None else Losses("frequency", frequency=stokes_frequency)
+    elif stokes_frequency is not None:
+        raise BadValue(
+            "stokes_frequency", found="losses as well", expected="one of the two", remedy="Give it inside `losses`."
+        )
+    setup = Setup(shape, profile, spot, conditions, losses, jnp.asarray(shell_density, dtype=float), area)
     zero = jnp.zeros_like(q)
     move, kick = (zero if given is None else _coordinates(given, q) for given in (displacement, velocity))
+    if displacement is not None:
+        q = relax(body_of(setup, shape), q + move, protocol(jnp.asarray(0.0)), area)
 
     count = round(duration / every)
-    inner = math.ceil(every / step - 1e-9)
-    frequency, found = _reference_frequency(shape, conditions, profile, stokes_frequency, start, area)
-    layer = single_frequency(conditions.viscosity, frequency)
-    body = Body(shape, wall(shape, conditions, profile), conditions, layer)
-    start_at = q if displacement is None else relax(body, q + move, conditions.outer_pressure, area)
-    record = run(body, start_at, kick, protocol, every, count, inner, area)
-    outcome = jnp.where(found != Outcome.OK, found, record.outcome)
-    return _trace(
-        conditions, record, outcome, every, count, shape, frequency, every / inner, protocol, weak_spot, throw
-    )
+    pace = Pace(float(every), math.ceil(every / step - 1e-9), bool(follow), shapes)
+    began, first = begin(setup, q, kick, protocol)
+    opening = Sample(first, jnp.asarray(True), *((q, kick, shape.nodes) if shapes else (jnp.zeros(0),) * 3))
+    if checkpoint is None and progress is None:
+        state, samples = go_on(setup, began, protocol, jnp.asarray(0), count, pace)
+    else:
+        state, samples = _in_chunks(setup, began, protocol, count, pace, checkpoint, progress)
+    samples = jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), opening, samples)
+    trace = _trace(setup, state, samples, every, count, every / pace.inner, steady, follow, throw)
+    return trace, samples, setup
 
 
-class Record(NamedTuple):
-    """What a compiled run returns: (samples, channels), the good samples among them, and the outcome."""
-
-    samples: Float[Array, "samples channels"]
-    good: Int[Array, ""]
-    outcome: Int[Array, ""]
-
-
-@eqx.filter_jit
-def run(
-    body: Body,
-    q: Float[Array, "coordinates"],
-    u: Float[Array, "coordinates"],
-    protocol: Ramp | Hold,
-    every: float,
-    count: int,
-    inner: int,
-    area: Area | str,
-) -> Record:
-    """The compiled run: `count` samples after the first, `inner` steps between two."""
-    h = every / inner
-    stage = h / (1 + RADIUS)
-
-    def steps(carry, t):
-        def one(carry, k):
-            state, outcome = carry
-            now = t + k * h
-            following = jax.lax.cond(
-                outcome == Outcome.OK,
-                lambda state: advance(body, state, protocol(now + stage), h, RADIUS, area),
-                lambda state: state,
-                state,
-            )
-            event = _event(body, state, following)
-            outcome = jnp.where(outcome == Outcome.OK, event, outcome)
-            state = jax.tree.map(lambda a, b: jnp.where(outcome == Outcome.OK, a, b), following, state)
-            return (state, outcome), None
-
-        (state, outcome), _ = jax.lax.scan(one, carry, jnp.arange(inner))
-        return (state, outcome), (_sample(body, state, protocol(t + every), area), outcome == Outcome.OK)
-
-    first = launch(body, q, u, protocol(jnp.asarray(0.0)), area)
-    began = (first, jnp.asarray(int(Outcome.OK)))
-    (_, outcome), (samples, good) = jax.lax.scan(jax.checkpoint(steps), began, every * jnp.arange(count))
-    samples = jnp.concatenate([_sample(body, first, protocol(jnp.asarray(0.0)), area)[None], samples])
-    return Record(samples, 1 + jnp.sum(good), outcome)
+def _protocol(steady: Pressure, pressure, forcing) -> Pressure:
+    """The outer pressure in time, from what the user gave."""
+    if isinstance(pressure, tuple | list):
+        steady = Sampled(*(jnp.asarray(part, dtype=float) for part in pressure))
+    elif pressure is not None:
+        steady = pressure
+    return steady if forcing is None else Forced(steady, forcing)
 
 
-def _event(body: Body, before: State, after: State) -> Int[Array, ""]:
-    """What ends a run: poles that touch, a spoiled mesh, numbers that ran away."""
-    shape = body.shape
-    curve = shape.at_points(after.q)
-    stretch = speed(curve)
-    finite = jnp.all(jnp.isfinite(after.q)) & jnp.all(jnp.isfinite(after.momentum))
-    sound = (jnp.min(stretch) > STRETCH[0]) & (jnp.max(stretch) < STRETCH[1]) & (jnp.min(curve.r) > 0)
-    moved = jnp.max(jnp.abs(after.q - before.q))
-    spoiled = ~(finite & sound & (moved < LARGEST_MOVE))
-    touching = gap(shape, after.q) < CONTACT_GAP
-    return jnp.where(spoiled, Outcome.MESH, jnp.where(touching, Outcome.CONTACT, Outcome.OK))
-
-
-def _sample(body: Body, state: State, pressure, energy: Area | str) -> Float[Array, "channels"]:
-    shape, q = body.shape, state.q
-    V = volume(shape, q)
-    front, back = poles(shape, q)
-    v_front, v_back = poles(shape, state.velocity)
-    numbers = (
-        V,
-        area(shape, q),
-        height(shape, q),
-        width(shape, q),
-        front,
-        back,
-        v_front,
-        v_back,
-        gas_pressure(V, body.conditions),
-        pressure,
-        state.momentum @ state.velocity / 2,
-        elastic_energy(shape, q, body.wall, energy),
-        gas_energy(V, body.conditions),
-    )
-    return jnp.stack([jnp.asarray(number) for number in numbers])
-
-
-def _reference_frequency(shape, conditions, profile, given, start, energy):
-    """The layer's reference frequency, and whether it could be found."""
-    ok = jnp.asarray(int(Outcome.OK))
-    if given is not None:
-        oscillation = np.imag(given) if np.iscomplexobj(given) else given
-        if not isinstance(given, Tracer) and not (np.isfinite(given) and oscillation > 0):
-            raise BadValue(
-                "stokes_frequency", found=repr(given), expected="above 0", remedy="Leave it out for the default."
-            )
-        return given, ok
-    if not isinstance(conditions.viscosity, Tracer) and np.all(np.asarray(conditions.viscosity) == 0):
-        return 1.0, ok
-    final = rest_shape(shape, conditions, profile, "buckled", energy) if start is None else start
-    pair = vibrations(final, conditions, 2, False, energy)
-    return jnp.sqrt(pair.omega[0] * pair.omega[1]), jnp.max(pair.outcome)
+def _in_chunks(setup, began, protocol, count, pace, checkpoint, report) -> tuple[Progress, Sample]:
+    """The run in pieces, each kept in a file and reported; the same numbers as in one piece."""
+    file = None if checkpoint is None else Checkpoint(Path(checkpoint), (setup, protocol, count, pace))
+    state, parts, done = began, [], 0
+    if file is not None:
+        state, parts, done = file.load(began, parts)
+    while done < count:
+        size = min(CHUNK, count - done)
+        state, samples = go_on(setup, state, protocol, jnp.asarray(done), size, pace)
+        parts.append(samples)
+        done += size
+        if file is not None:
+            file.save(state, parts, done)
+        if report is not None:
+            report(done / count)
+    return state, jax.tree.map(lambda *pieces: jnp.concatenate([jnp.asarray(p) for p in pieces]), *parts)
 
 
 def _coordinates(given, q):
@@ -234,9 +277,9 @@ def _check_times(duration, every, step, ramp):
     for name, value, low in (("duration", duration, 0.0), ("every", every, 0.0), ("step", step, 0.0)):
         if not (np.isfinite(value) and value > low):
             raise BadValue(
-                name, found=repr(value), expected="a finite time above 0", remedy="70, 0.05 and 0.025 are usual."
+                name, found=repr(value), expected="a finite time above 0", remedy="70, 0.05 and 1/60 are usual."
             )
-    if not isinstance(ramp, Tracer) and not (np.isfinite(ramp) and ramp >= 0):
+    if not isinstance(ramp, Tracer) and not (np.all(np.isfinite(ramp)) and np.all(np.asarray(ramp) >= 0)):
         raise BadValue(
             "ramp", found=repr(ramp), expected="a finite time of at least 0", remedy="25 is slow enough for R."
         )
@@ -246,16 +289,24 @@ def _check_times(duration, every, step, ramp):
         )
 
 
-def _trace(conditions, record, outcome, every, count, shape, frequency, step, protocol, weak_spot, throw) -> Trace:
-    samples, times = record.samples, every * jnp.arange(count + 1)
+def _trace(setup: Setup, last: Progress, samples: Sample, every, count, step, steady, follow, throw) -> Trace:
+    numbers, times, shape = samples.channels, every * jnp.arange(count + 1), setup.shape
     settings = [("elements", str(shape.elements)), ("attached", repr(shape.attached)), ("step", repr(step))]
-    if not isinstance(samples, Tracer):
+    settings += [("follow", str(bool(follow))), ("stokes", setup.losses.stokes)]
+    if not isinstance(numbers, Tracer):
         if throw:
-            raise_unless_ok("simulation", outcome)
-        samples, times = samples[: int(record.good)], times[: int(record.good)]
-        settings.append(("stokes_frequency", str(np.asarray(frequency))))
-    if isinstance(protocol, Ramp):
-        spot = WeakSpot() if weak_spot is None else weak_spot
-        settings += [("ramp", str(protocol.duration)), ("weak_spot", f"{spot.depth!r},{spot.width!r}")]
-    channels = {name: samples[:, k] for k, name in enumerate(CHANNELS)}
-    return Trace(times, channels, conditions, outcome=outcome, settings=tuple(settings))
+            raise_unless_ok("simulation", last.outcome)
+        kept = int(jnp.sum(samples.good))
+        numbers, times = numbers[:kept], times[:kept]
+        if setup.losses.stokes == "frequency":
+            settings.append(("stokes_frequency", str(np.asarray(setup.losses.frequency))))
+        for name in ("buckled", "returned", "steady", "ended"):
+            when = float(getattr(last.events, name))
+            if np.isfinite(when):
+                settings.append((f"{name}_at", repr(when)))
+    if isinstance(steady, Ramp):
+        settings.append(("ramp", str(steady.duration)))
+    if setup.spot is not None:
+        settings.append(("weak_spot", f"{setup.spot.depth!r},{setup.spot.width!r}"))
+    channels: dict[str, Values] = {name: numbers[:, k] for k, name in enumerate(CHANNELS)}
+    return Trace(times, channels, setup.conditions, outcome=last.outcome, settings=tuple(settings))

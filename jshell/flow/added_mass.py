@@ -13,6 +13,7 @@ from jaxtyping import Array, Float, Int
 
 from jshell.contour import Meridian, speed
 from jshell.flow.panels import Layers, flux_operator, green, layers, single_layer
+from jshell.flow.wall_motion import along_wall, every_motion
 
 
 class Flow(NamedTuple):
@@ -50,7 +51,6 @@ def added_mass(shape: Meridian, q: Float[Array, "coordinates"]) -> Float[Array, 
 def slip_operator(shape: Meridian, current: Flow) -> Float[Array, "points coordinates"]:
     """Slip of the wall along the meridian over the potential flow, w = u·t - ∂φ/∂s, at the Gauss points."""
     curve = current.parts.curve
-    ds = speed(curve)
-    X, R = shape.x_basis[0], shape.r_basis[0]
-    along = jnp.concatenate([(curve.x1 / ds)[:, None] * X, (curve.r1 / ds)[:, None] * R], axis=1)
-    return along - (shape.potential_basis[1] @ current.potential) / ds[:, None]
+    return (
+        along_wall(curve, every_motion(shape)) - (shape.potential_basis[1] @ current.potential) / speed(curve)[:, None]
+    )

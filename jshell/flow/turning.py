@@ -16,55 +16,68 @@ Valid for  as the potential flow; equal to the derivative of the discrete M up t
 Source     Hadamard's formula; Delfour and Zolésio, Shapes and Geometries, ch. 9
 """
 
+from typing import NamedTuple
+
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jshell.contour import Meridian, speed
+from jshell.contour import Curve, Meridian, speed
 from jshell.flow.added_mass import Flow
+from jshell.flow.wall_motion import (
+    Columns,
+    WallMotion,
+    across_wall,
+    across_wall_slope,
+    along_wall,
+    column,
+    curvatures,
+    every_motion,
+    one_motion,
+)
+
+
+class Turning(NamedTuple):
+    """Change of momentum by displacements: sources that act through the potential, rings carried, rings held."""
+
+    source: Columns
+    carried: Columns
+    held: Float[Array, "coordinates columns"]
 
 
 def turning(
     shape: Meridian, q: Float[Array, "coordinates"], current: Flow, u: Float[Array, "coordinates"]
 ) -> Float[Array, "coordinates coordinates"]:
     """Matrix ∂(M u)/∂q of a shape moving with velocity u [ρ_f R0³ · velocity/R0]."""
-    curve = current.parts.curve
-    X, R = shape.x_basis, shape.r_basis
+    parts = turned(shape, current.parts.curve, current.potential @ u, u, every_motion(shape))
+    potentials = shape.potential_basis[0] @ current.potential
+    return potentials.T @ parts.source + current.flux.T @ parts.carried + parts.held
+
+
+def turned(
+    shape: Meridian, curve: Curve, y: Float[Array, "nodes"], u: Float[Array, "coordinates"], moved: WallMotion
+) -> Turning:
+    """The parts of ∂(M u)/∂q that act on one displacement or on many; y is the potential of u."""
     ds = speed(curve)
-    stretching = (curve.x1 * curve.x2 + curve.r1 * curve.r2) / ds
-    kappa1 = (curve.x1 * curve.r2 - curve.r1 * curve.x2) / ds**3
-    twice_H = kappa1 - curve.x1 / (curve.r * ds)
+    kappa1, twice_H, stretching = curvatures(curve)
 
     # the flow at the wall
-    y = current.potential @ u
     phi, phi1, phi2 = shape.potential_basis @ y
-    (ux, ux1, _), (ur, ur1, _) = (basis @ part for basis, part in zip((X, R), shape.split(u), strict=True))
-    v_n = (ux * curve.r1 - ur * curve.x1) / ds
-    u_t = (ux * curve.x1 + ur * curve.r1) / ds
-    v_n_s = ((ux1 * curve.r1 + ux * curve.r2 - ur1 * curve.x1 - ur * curve.x2) / ds - v_n * stretching / ds) / ds
+    now = one_motion(shape, u)
+    u_t, v_n, v_n_s = (f(curve, now)[:, 0] for f in (along_wall, across_wall, across_wall_slope))
     phi_s = phi1 / ds
     surface_laplacian = (phi2 - phi1 * stretching / ds) / ds**2 + curve.r1 / (curve.r * ds) * phi_s
 
-    # displacements along and across the wall, as matrices on the coordinates
-    both = lambda along_x, along_r: jnp.concatenate([along_x, along_r], axis=1)  # noqa: E731
-    column = lambda values: values[:, None]  # noqa: E731
-    tangential = both(column(curve.x1 / ds) * X[0], column(curve.r1 / ds) * R[0])
-    normal = both(column(curve.r1 / ds) * X[0], -column(curve.x1 / ds) * R[0])
-    sloped = both(column(curve.r1) * X[1] + column(curve.r2) * X[0], -column(curve.x1) * R[1] - column(curve.x2) * R[0])
-    normal_s = (sloped - column(stretching) * normal) / column(ds**2)
-
+    # displacements along and across the wall
+    tangential, normal, normal_s = (f(curve, moved) for f in (along_wall, across_wall, across_wall_slope))
     source = column(phi_s - u_t) * normal_s
     source = source + column(surface_laplacian + twice_H * v_n) * normal
     source = source + column(kappa1 * u_t - v_n_s) * tangential
     carried = column(phi_s) * tangential + column(v_n) * normal
 
-    weights = -2 * jnp.pi * shape.weights
-    potentials = shape.potential_basis[0] @ current.potential
-    moved = potentials.T @ (column(weights * curve.r * ds) * source) + current.flux.T @ (column(weights) * carried)
-
     # the momentum's own rings, φ held
+    weights = -2 * jnp.pi * shape.weights
     load = weights * phi
-    x_r = X[0].T @ (column(load * curve.r1) * R[0] + column(load * curve.r) * R[1])
-    r_x = -R[0].T @ (column(load * curve.r) * X[1])
-    r_r = -R[0].T @ (column(load * curve.x1) * R[0])
-    held = jnp.block([[jnp.zeros((X.shape[2], X.shape[2])), x_r], [r_x, r_r]])
-    return moved + held
+    on_x = shape.x_basis[0].T @ (column(load * curve.r1) * moved.r + column(load * curve.r) * moved.r1)
+    on_r = -shape.r_basis[0].T @ (column(load * curve.r) * moved.x1 + column(load * curve.x1) * moved.r)
+    held = jnp.concatenate([on_x, on_r])
+    return Turning(column(weights * curve.r * ds) * source, column(weights) * carried, held)

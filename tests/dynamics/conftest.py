@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 import pytest
 
-from jshell.dynamics import simulate
+from jshell.dynamics import LONGEST_STEP, NO_LOSSES, Losses, simulate
 
 ELEMENTS = 24
 DURATION = 50.0
@@ -26,14 +26,14 @@ def attached_snap(make_problem):
 def kick(rest_R, make_problem):
     """A run from R at rest, moved by a displacement and a velocity."""
 
-    def run(displacement, velocity, viscosity=0.0, stokes_frequency=None, step=0.025):
+    def run(displacement, velocity, viscosity=0.0, stokes_frequency=None, step=LONGEST_STEP):
         return simulate(
             make_problem(0.22, 0.9, 1.6, viscosity),
             start=rest_R,
             displacement=jnp.asarray(displacement),
             velocity=jnp.asarray(velocity),
             duration=DURATION,
-            stokes_frequency=stokes_frequency,
+            losses=NO_LOSSES if stokes_frequency is None else Losses("frequency", frequency=stokes_frequency),
             step=step,
         )
 

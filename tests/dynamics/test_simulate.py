@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from jshell.dynamics import simulate
+from jshell.dynamics import LONGEST_STEP, simulate
 from jshell.errors import BadShape, BadValue, NotOk, Outcome
 from jshell.shell import SPHERE_AREA, SPHERE_VOLUME
 from jshell.signals import extract
@@ -33,10 +33,13 @@ def sinusoids(times, values, rates):
     return -decay + 1j * omega, np.std(left(found.x)) / np.std(values)
 
 
-def total_energy(trace, outer_pressure):
-    """Kinetic, elastic and gas energy, and the work against the outer pressure."""
-    stored = trace["kinetic"] + trace["elastic"] + trace["gas"]
-    return np.asarray(stored + outer_pressure * (trace["V"] - SPHERE_VOLUME))
+BOOKS = ("loss_layer", "lent_layer", "loss_bulk", "loss_wall", "loss_drag")
+
+
+def total_energy(trace):
+    """Kinetic, elastic and gas energy, what was lost or lent, less the work of the outer pressure."""
+    stored = trace["kinetic"] + trace["elastic"] + trace["gas"] - trace["work"]
+    return np.asarray(stored + sum(trace[name] for name in BOOKS))
 
 
 # ---- small motions about R
@@ -51,11 +54,10 @@ def test_without_loss_the_shell_rings_at_its_modes(undamped_kick, undamped_R):
     np.testing.assert_allclose(np.imag(found), undamped_R.omega[:2], rtol=5e-3)
 
 
-def drift(trace, rest):
+def drift(trace):
     """Largest change of the total energy over the energy of the kick."""
-    energy = total_energy(trace, 1.6)
-    at_rest = total_energy(rest, 1.6)[0]
-    return np.abs(energy - energy[0]).max() / (energy[0] - at_rest)
+    energy = total_energy(trace)
+    return np.abs(energy - energy[0]).max() / float(trace["kinetic"][0])
 
 
 @pytest.fixture(scope="module")
@@ -72,15 +74,23 @@ def test_a_shell_at_rest_stays_at_rest(still, rest_R):
     assert float(jnp.max(still["kinetic"])) < 1e-12
 
 
-def test_energy_is_conserved_without_loss(undamped_kick, still):
-    # a second-order step of a twentieth of mode 4's period over 50 units
-    assert drift(undamped_kick, still) < 1e-2
+def test_energy_is_conserved_without_loss(undamped_kick):
+    # ten periods of the slow mode, V moving by 2 % from end to end, at the usual step
+    assert drift(undamped_kick) < 1e-4
 
 
 @pytest.mark.slow
-def test_energy_drift_falls_with_the_step(undamped_kick, still, kick, two_modes):
-    halved = kick(jnp.zeros_like(two_modes), two_modes, step=0.0125)
-    assert drift(halved, still) < drift(undamped_kick, still) / 2
+def test_energy_drift_falls_with_the_square_of_the_step(undamped_kick, kick, two_modes):
+    halved = kick(jnp.zeros_like(two_modes), two_modes, step=LONGEST_STEP / 2)
+    assert drift(halved) < drift(undamped_kick) / 3.5
+
+
+@pytest.mark.slow
+def test_a_step_can_be_as_short_as_one_likes(kick, two_modes):
+    # a massless wall once slipped from the step's grip below 0.006
+    short = kick(jnp.zeros_like(two_modes), two_modes, step=0.003)
+    assert int(short.outcome) == Outcome.OK
+    assert drift(short) < 5e-6
 
 
 def test_a_kick_along_a_damped_mode_rings_and_decays_as_that_mode(kick, modes_R, cases):
@@ -162,11 +172,23 @@ def test_channels_agree_with_each_other(snap):
     np.testing.assert_allclose(snap["P_ext"], ramp, rtol=1e-12)
 
 
-def test_the_default_reference_frequency_is_the_mean_of_the_first_two_modes(snap):
+def test_the_energy_balance_closes_through_the_snap(snap):
+    energy = total_energy(snap)
+    potential = np.asarray(snap["elastic"] + snap["gas"] - snap["work"])
+    released = potential.max() - potential[-1]
+    assert released > 0.05
+    # a second-order step: 1e-4 is seen
+    assert np.abs(energy - energy[0]).max() < 1e-3 * released
+    assert np.all(np.diff(np.asarray(snap["loss_layer"])) >= 0)
+
+
+def test_settings_say_how_the_run_was_made_and_what_happened(snap):
     settings = dict(snap.settings)
-    # sqrt(1.19 x 1.98) at 1.6; 1.62 and the weak spot move it by a few percent
-    assert float(settings["stokes_frequency"]) == pytest.approx(np.sqrt(1.190 * 1.981), rel=3e-2)
     assert settings["elements"] == "24"
+    assert settings["stokes"] == "memory"
+    assert 22 < float(settings["buckled_at"]) < 24
+    assert "returned_at" not in settings
+    assert "ended_at" not in settings
 
 
 def test_a_crushing_load_ends_in_a_reported_outcome(make_problem):

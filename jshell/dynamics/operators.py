@@ -1,0 +1,216 @@
+"""Inertia and losses of a moving shell, as matrices and as actions on one velocity.
+
+A step of time solves with matrices. Its derivative needs none: the derivative
+of a solution is a solution with the derivative of the equations, which only
+act on velocities that are known. So everything here exists twice, and a test
+holds the two together: `Dense` for the step, `Free` for its derivative.
+
+Symbols    M mass   y = P u potential of a velocity   z adjoint of the boundary equation   W slip, A surface
+Source     Green's symmetry for the transposed potential; implicit differentiation of linear equations
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import jax.scipy.linalg as jsl
+from jaxtyping import Array, Float
+
+from jshell.contour import Meridian, poles, speed
+from jshell.dynamics.losses import Losses, drag_rate
+from jshell.flow import bulk_resistance, flow, slip_operator, turning
+from jshell.flow.bulk_loss import bulk_stress
+from jshell.flow.panels import Layers, flux_of, flux_operator, green_of, layers, single_layer_of
+from jshell.flow.turning import turned
+from jshell.flow.wall_motion import across_wall, across_wall_slope, along_wall, every_motion, one_motion
+from jshell.membrane import Wall, wall_resistance
+from jshell.membrane.viscous import wall_rates
+from jshell.memory import HalfDerivative
+from jshell.shell.elasticity import Scalar
+from jshell.shell.parameters import Reduced
+
+Coordinates = Float[Array, "coordinates"]
+Matrix = Float[Array, "coordinates coordinates"]
+Points = Float[Array, "points"]
+
+
+class Body(NamedTuple):
+    """All that does not change within a step: discretisation, wall, conditions, layer, losses, the wall's own mass."""
+
+    shape: Meridian
+    wall: Wall
+    conditions: Reduced
+    layer: HalfDerivative
+    losses: Losses
+    solid: Matrix
+
+
+class Dense(NamedTuple):
+    """Matrices of a shape in motion: mass M, slip W, turning T, losses of bulk B and wall C; the inverse of 1/2 - D."""
+
+    M: Matrix
+    W: Float[Array, "points coordinates"]
+    T: Matrix
+    B: Matrix
+    C: Matrix
+    thrust: Coordinates
+    surface: Points
+    drag: Scalar
+    inverse: Float[Array, "nodes nodes"]
+
+
+def dense(body: Body, q: Coordinates, u: Coordinates) -> Dense:
+    """Matrices of a shape q moving with velocity u."""
+    shape = body.shape
+    current = flow(shape, q)
+    W = slip_operator(shape, current)
+    curve = current.parts.curve
+    surface = 2 * jnp.pi * shape.weights * curve.r * speed(curve)
+    M = current.mass + body.layer.mass * ((W.T * surface[None]) @ W) + body.solid
+    none = jnp.zeros_like(M)
+    B = jnp.asarray(body.conditions.viscosity) * bulk_resistance(shape, current) if body.losses.bulk else none
+    viscous = body.losses.wall
+    C = none if viscous is None else wall_resistance(shape, q, body.wall, viscous)
+    y = current.potential @ u
+    inverse = jsl.lu_solve(current.factors, jnp.eye(y.size))
+    z = -inverse.T @ jax.grad(kinetic, argnums=3)(body, q, u, y)
+    drag = drag_rate(body.losses, poles(shape, u)[0], body.conditions.viscosity)
+    T = turning(shape, q, current, u)
+    return Dense(M, W, T, B, C, _thrust(body, q, u, y, z), surface, drag, inverse)
+
+
+def kinetic(body: Body, q: Coordinates, u: Coordinates, y: Float[Array, "nodes"]) -> Float[Array, ""]:
+    """Kinetic energy of liquid and layer at a velocity and its potential."""
+    shape = body.shape
+    curve, ds = shape.at_points(q), speed(shape.at_points(q))
+    ux, ur = shape.split(u)
+    wall_x, wall_r = shape.x_basis[0] @ ux, shape.r_basis[0] @ ur
+    bulk = -jnp.pi * jnp.sum(shape.weights * (shape.potential_basis[0] @ y) * flux_of(curve, wall_x, wall_r))
+    slip = (curve.x1 * wall_x + curve.r1 * wall_r - shape.potential_basis[1] @ y) / ds
+    return bulk + jnp.pi * body.layer.mass * jnp.sum(shape.weights * curve.r * ds * slip**2)
+
+
+def _thrust(body: Body, q: Coordinates, u: Coordinates, y, z) -> Coordinates:
+    """½ ∂(u·M u)/∂q: with y and an adjoint z of the boundary equation held, the gradient of one scalar."""
+    shape = body.shape
+
+    def constrained(q):
+        parts = layers(shape, q)
+        return kinetic(body, q, u, y) + z @ (green_of(shape, parts, y) + single_layer_of(shape, parts, u))
+
+    return jax.grad(constrained)(q)
+
+
+class Through(NamedTuple):
+    """A force on the wall: part of it acts directly, part on the potential that a velocity makes (Pᵀ of it)."""
+
+    direct: Coordinates
+    potential: Float[Array, "nodes"]
+
+    def plus(self, other: "Through", times: Scalar = 1.0) -> "Through":
+        """The sum of two forces, the other one scaled."""
+        return Through(self.direct + times * other.direct, self.potential + times * other.potential)
+
+
+class Free(NamedTuple):
+    """The same without matrices, differentiable at the cost of a few assemblies; the inverse of 1/2 - D is held.
+
+    Forces come as `Through` and are gathered by `on_wall`, so that many share one transposed solve.
+    """
+
+    body: Body
+    q: Coordinates
+    u: Coordinates
+    parts: Layers
+    inverse: Float[Array, "nodes nodes"]
+
+    @property
+    def surface(self) -> Points:
+        """Area of the ring at each Gauss point."""
+        curve = self.parts.curve
+        return 2 * jnp.pi * self.body.shape.weights * curve.r * speed(curve)
+
+    @property
+    def drag(self) -> Scalar:
+        """2/τ of the drag law."""
+        return drag_rate(self.body.losses, poles(self.body.shape, self.u)[0], self.body.conditions.viscosity)
+
+    @property
+    def thrust(self) -> Coordinates:
+        """½ ∂(u·M u)/∂q."""
+        y = self.potential(self.u)
+        z = self._adjoint(jax.grad(kinetic, argnums=3)(self.body, self.q, self.u, y))
+        return _thrust(self.body, self.q, self.u, y, z)
+
+    def potential(self, v: Coordinates) -> Float[Array, "nodes"]:
+        """y = P v: one solve, and one Newton step with the held inverse that carries the derivative."""
+        shape, parts = self.body.shape, self.parts
+        load = single_layer_of(shape, parts, v)
+        held = jax.lax.stop_gradient(-self.inverse @ load)
+        return held - self.inverse @ (green_of(shape, parts, held) + load)
+
+    def _adjoint(self, f: Float[Array, "nodes"]) -> Float[Array, "nodes"]:
+        """z with (1/2 - D)ᵀ z = -f."""
+        shape, parts = self.body.shape, self.parts
+        transposed = jax.linear_transpose(lambda y: green_of(shape, parts, y), f)
+        held = jax.lax.stop_gradient(-self.inverse.T @ f)
+        return held - self.inverse.T @ (transposed(held)[0] + f)
+
+    def on_wall(self, force: Through) -> Coordinates:
+        """The force on the coordinates."""
+        shape, parts = self.body.shape, self.parts
+        transposed = jax.linear_transpose(lambda v: single_layer_of(shape, parts, v), self.u)
+        return force.direct + transposed(self._adjoint(force.potential))[0]
+
+    def mass(self, v: Coordinates, y: Float[Array, "nodes"]) -> Through:
+        """M v, the layer's mass and the wall's own included; y is the potential of v."""
+        direct, through = jax.grad(kinetic, argnums=(2, 3))(self.body, self.q, v, y)
+        return Through(direct + self.body.solid @ v, through)
+
+    def slip(self, v: Coordinates, y: Float[Array, "nodes"]) -> Points:
+        """W v."""
+        shape, curve = self.body.shape, self.parts.curve
+        return along_wall(curve, one_motion(shape, v))[:, 0] - shape.potential_basis[1] @ y / speed(curve)
+
+    def slip_transposed(self, f: Points) -> Through:
+        """Wᵀ f."""
+        shape, curve = self.body.shape, self.parts.curve
+        (direct,) = jax.linear_transpose(lambda v: along_wall(curve, one_motion(shape, v))[:, 0], self.u)(f)
+        return Through(direct, -shape.potential_basis[1].T @ (f / speed(curve)))
+
+    def turning(self, c: Coordinates) -> Through:
+        """∂(M u)/∂q c."""
+        shape, curve = self.body.shape, self.parts.curve
+        part = turned(shape, curve, self.potential(self.u), self.u, one_motion(shape, c))
+        direct = flux_operator(shape, curve).T @ part.carried[:, 0] + part.held[:, 0]
+        return Through(direct, shape.potential_basis[0].T @ part.source[:, 0])
+
+    def turning_transposed(self, c: Coordinates) -> Coordinates:
+        """(∂(M u)/∂q)ᵀ c."""
+        return jax.linear_transpose(self.turning, c)(Through(c, self.potential(c)))[0]
+
+    def bulk(self, v: Coordinates, y: Float[Array, "nodes"]) -> Through:
+        """Resistance of the potential flow itself."""
+        if not self.body.losses.bulk:
+            return Through(jnp.zeros_like(v), jnp.zeros_like(y))
+        shape, curve = self.body.shape, self.parts.curve
+        each, one, ds = every_motion(shape), one_motion(shape, v), speed(curve)
+        liquid = (shape.potential_basis[1] @ y / ds)[:, None]
+        stresses = bulk_stress(shape, curve, across_wall(curve, one), across_wall_slope(curve, one), liquid)
+        on_v, on_v_s, on_u_s = (stress[:, 0] for stress in stresses)
+        wall = across_wall(curve, each).T @ on_v + across_wall_slope(curve, each).T @ on_v_s
+        viscosity = jnp.asarray(self.body.conditions.viscosity)
+        return Through(viscosity * wall, viscosity * (shape.potential_basis[1].T @ (on_u_s / ds)))
+
+    def solid(self, v: Coordinates) -> Coordinates:
+        """Resistance of the wall."""
+        viscous = self.body.losses.wall
+        if viscous is None:
+            return jnp.zeros_like(v)
+        rates = wall_rates(self.body.shape, self.q, self.body.wall, viscous)
+        return sum((rate.T @ (held * (rate @ v)) for rate, held in rates), start=jnp.zeros_like(v))
+
+
+def free(body: Body, q: Coordinates, u: Coordinates, inverse: Float[Array, "nodes nodes"]) -> Free:
+    """Actions of a shape q moving with velocity u, given the inverse of its boundary equation."""
+    return Free(body, q, u, layers(body.shape, q), jax.lax.stop_gradient(inverse))

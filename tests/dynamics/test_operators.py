@@ -1,0 +1,80 @@
+"""The step's derivative: matrices against actions on one velocity, and both against differences."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jshell.dynamics import Losses, kick, modes
+from jshell.dynamics.motion import Loads, advance, launch
+from jshell.dynamics.operators import dense, free
+from jshell.dynamics.run import Setup, body_of
+from jshell.membrane import WallLoss
+
+ELEMENTS, STEP, RADIUS = 16, 1 / 60, 0.5
+
+
+@pytest.fixture(scope="module")
+def moving(R):
+    """A body with every loss, a shape, and two velocities."""
+    found = modes(R, elements=ELEMENTS)
+    rest = found.rest
+    losses = Losses(bulk=True, wall=WallLoss(0.01, 0.02, 0.003))
+    setup = Setup(rest.meridian, rest.profile, None, R, losses, jnp.asarray(0.1), "current")
+    body = body_of(setup, rest.meridian)
+    return body, rest.coordinates, kick(found, 0.02, (1, 2, 3)), kick(found, 0.02, (2, 4))
+
+
+@pytest.fixture(scope="module")
+def both(moving):
+    body, q, u, v = moving
+    matrices = dense(body, q, u)
+    actions = free(body, q, u, matrices.inverse)
+    y = actions.potential(v)
+    f = jnp.cos(body.shape.angles)
+    return {
+        "mass": (matrices.M @ v, actions.on_wall(actions.mass(v, y))),
+        "slip": (matrices.W @ v, actions.slip(v, y)),
+        "slip transposed": (matrices.W.T @ f, actions.on_wall(actions.slip_transposed(f))),
+        "turning": (matrices.T @ v, actions.on_wall(actions.turning(v))),
+        "turning transposed": (matrices.T.T @ v, actions.turning_transposed(v)),
+        "bulk": (matrices.B @ v, actions.on_wall(actions.bulk(v, y))),
+        "wall": (matrices.C @ v, actions.solid(v)),
+        "thrust": (matrices.thrust, actions.thrust),
+    }
+
+
+@pytest.mark.parametrize(
+    "name", ["mass", "slip", "slip transposed", "turning", "turning transposed", "bulk", "wall", "thrust"]
+)
+def test_actions_are_the_matrices(both, name):
+    by_matrix, by_action = both[name]
+    # rounding
+    np.testing.assert_allclose(by_action, by_matrix, rtol=0, atol=1e-12 * np.abs(by_matrix).max())
+
+
+def test_the_derivative_of_a_step_is_its_difference(moving):
+    body, q, u, _ = moving
+    load = jnp.asarray(1.62)
+    state = launch(body, q, u, load, "current")
+    state = advance(body, state, Loads(load, load, load), jnp.asarray(STEP), RADIUS, "current")
+    rng = np.random.default_rng(0)
+    along = jax.tree.map(lambda a: 0.1 * jnp.max(jnp.abs(a)) * rng.normal(size=a.shape), state)
+
+    @jax.jit
+    def step(size):
+        moved = jax.tree.map(lambda a, d: a + size * d, state, along)
+        harder = eqx.tree_at(lambda b: b.conditions.gas_pressure, body, 0.9 + 0.1 * size)
+        loads = Loads(load + size, load + size, load)
+        return advance(harder, moved, loads, jnp.asarray(STEP), RADIUS, "current")
+
+    h = 1e-5
+    _, slope = jax.jvp(step, (jnp.asarray(0.0),), (jnp.asarray(1.0),))
+    ahead, behind = step(jnp.asarray(h)), step(jnp.asarray(-h))
+    for name, exact, a, b in zip(state._fields, slope, ahead, behind, strict=True):
+        for one, up, down in zip(jax.tree.leaves(exact), jax.tree.leaves(a), jax.tree.leaves(b), strict=True):
+            difference = (up - down) / (2 * h)
+            # h² times a third derivative, rounding over h
+            size = max(float(np.abs(difference).max()), 1e-6)
+            np.testing.assert_allclose(one, difference, rtol=0, atol=3e-7 * size, err_msg=name)
