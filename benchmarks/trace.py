@@ -98,11 +98,11 @@ def derivative_table() -> None:
 
         P = jnp.asarray(1.62)
         forward = jax.jit(mean)
-        _, base = seconds(lambda f=forward: f(P))
+        _, base = seconds(lambda f=forward, at=P: f(at))
         ways = {"reverse": jax.grad(mean), "forward": lambda P, f=mean: jax.jvp(f, (P,), (jnp.ones(()),))[1]}
         for name, way in ways.items():
             compiled = jax.jit(way).lower(P).compile()
-            _, warm = seconds(lambda c=compiled: c(P))
+            _, warm = seconds(lambda c=compiled, at=P: c(at))
             memory = compiled.memory_analysis().temp_size_in_bytes / 1e6
             print(f"| {name}, {elements} elements | {warm / base:.1f} x | {memory:.0f} |", flush=True)
 

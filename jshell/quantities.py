@@ -18,7 +18,8 @@ class Quantity:
         symbol: Symbol in print.
         words: Name in words.
         scale: Its unit inside jshell, as a formula of the scales.
-        dimension: `length`, `area`, `volume`, `time`, `pressure`, `frequency`, `speed`, `viscosity` or `none`.
+        dimension: `length`, `area`, `volume`, `time`, `pressure`, `energy`, `frequency`, `speed`, `volume rate`,
+            `viscosity` or `none`.
     """
 
     key: str
@@ -45,11 +46,22 @@ _ROWS = (
     Quantity("x_back", "x₂", "opposite pole", "R₀", "length"),
     Quantity("v_front", "ẋ₁", "velocity of the buckling pole", "√(E d/ρ R₀)", "speed"),
     Quantity("v_back", "ẋ₂", "velocity of the opposite pole", "√(E d/ρ R₀)", "speed"),
+    Quantity("V_rate", "dV/dt", "rate of the volume", "√(E d R₀³/ρ)", "volume rate"),
+    Quantity("R_eq", "R", "radius of equal volume", "R₀", "length"),
     Quantity("P", "P", "inner pressure", "E d/R₀", "pressure"),
     Quantity("P_ext", "Pₑₓₜ", "outer pressure", "E d/R₀", "pressure"),
     Quantity("kinetic", "T", "kinetic energy", "E d R₀²", "energy"),
     Quantity("elastic", "Uₛ", "elastic energy", "E d R₀²", "energy"),
     Quantity("gas", "U_g", "gas energy", "E d R₀²", "energy"),
+    Quantity("work", "A", "work of the outer pressure so far", "E d R₀²", "energy"),
+    Quantity("loss_layer", "Q_δ", "energy lost in the Stokes layer so far", "E d R₀²", "energy"),
+    Quantity("lent_layer", "E_δ", "energy the Stokes layer holds and gives back", "E d R₀²", "energy"),
+    Quantity("loss_bulk", "Q_f", "energy lost in the potential flow so far", "E d R₀²", "energy"),
+    Quantity("loss_wall", "Q_s", "energy lost in the wall so far", "E d R₀²", "energy"),
+    Quantity("loss_drag", "Q_d", "energy lost to the drag law so far", "E d R₀²", "energy"),
+    Quantity("work_drag", "W_d", "work of drag", "E d R₀²", "energy"),
+    Quantity("work_pressure", "W_p", "work of the added pressure", "E d R₀²", "energy"),
+    Quantity("p_scattered", "p_s", "scattered pressure at R₀", "E d/R₀", "pressure"),
     Quantity("d_hat", "d̂", "thickness", "R₀", "length"),
     Quantity("P0_hat", "P̂₀", "gas pressure of the stress-free sphere", "E d/R₀", "pressure"),
     Quantity("Pext_hat", "P̂ₑₓₜ", "outer pressure", "E d/R₀", "pressure"),
@@ -91,6 +103,11 @@ UNITS: dict[str, tuple[str, float]] = {
     "µm^3": ("volume", 1e-18),
     "m/s": ("speed", 1.0),
     "mm/s": ("speed", 1e-3),
+    "m^3/s": ("volume rate", 1.0),
+    "mL/s": ("volume rate", 1e-6),
+    "mm^3/s": ("volume rate", 1e-9),
+    "um^3/s": ("volume rate", 1e-18),
+    "µm^3/s": ("volume rate", 1e-18),
     "Pa": ("pressure", 1.0),
     "kPa": ("pressure", 1e3),
     "MPa": ("pressure", 1e6),
@@ -103,6 +120,7 @@ SI_UNIT = {
     "area": "m^2",
     "volume": "m^3",
     "speed": "m/s",
+    "volume rate": "m^3/s",
     "pressure": "Pa",
     "energy": "J",
 }

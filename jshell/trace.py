@@ -5,14 +5,28 @@ one, files hold one. Inside, all numbers are dimensionless; `scales` says what
 the units were when the trace came from a laboratory.
 """
 
+from typing import TYPE_CHECKING, Any
+
 import equinox as eqx
 import jax
 import numpy as np
 
-from jshell.errors import BadName, BadShape, Outcome
+from jshell.errors import BadName, BadShape, MissingExtra, Outcome
+from jshell.quantities import QUANTITIES
 from jshell.shell.parameters import Reduced, Scales
 
+if TYPE_CHECKING:
+    import xarray
+
 Values = jax.Array | np.ndarray
+CONDITION_FIELDS = {
+    "d_hat": "thickness",
+    "P0_hat": "gas_pressure",
+    "Pext_hat": "outer_pressure",
+    "eta_hat": "viscosity",
+    "kappa": "kappa",
+    "nu": "poisson_ratio",
+}  # keys of files to fields of `Reduced`
 
 
 class Trace(eqx.Module):
@@ -74,3 +88,83 @@ class Trace(eqx.Module):
             self.settings,
             self.scales,
         )
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """The trace as an xarray Dataset, dimensionless as it is here.
+
+        Returns:
+            Channels, and `sigma_…` beside them, along `t`; in a batch along `case` and `sample`, with `t` a
+            coordinate. Conditions, outcome and settings are attributes; what differs between the cases of a
+            batch is a coordinate along `case`. `Dataset.to_netcdf(…, engine="h5netcdf")` makes of one trace a
+            file that `jshell.io.read_trace` reads.
+
+        Raises:
+            BadName: A channel called `t`, or in a batch like another coordinate.
+            BadShape: A batch of more than one level.
+            MissingExtra: xarray is not installed.
+
+        Example:
+            >>> import numpy as np
+            >>> from jshell import Trace
+            >>> float(Trace(np.arange(3.0), {"V": np.array([3.0, 3.1, 3.2])}).to_xarray()["V"].sel(t=1.0))
+            3.1
+        """
+        try:
+            import xarray
+        except ImportError:
+            raise MissingExtra(
+                "Trace.to_xarray",
+                found="no xarray",
+                expected="the extra `io`",
+                remedy="Install it: pip install 'jshell[io]'.",
+            ) from None
+        times = np.asarray(self.times)
+        if times.ndim not in (1, 2):
+            raise BadShape(
+                "trace",
+                found=f"times of shape {times.shape}",
+                expected="(times,) or (cases, times)",
+                remedy="Take one level of the batch at a time.",
+            )
+        dims = ("t",) if times.ndim == 1 else ("case", "sample")
+        named = {**self.channels, **{f"sigma_{name}": values for name, values in self.sigma.items()}}
+        channels = {name: (dims, np.asarray(values), _described(name)) for name, values in named.items()}
+        coords: dict[str, Any] = {"t": (dims, times, _described("t"))}
+        attributes: dict[str, Any] = {}
+        for key, value in self._facts().items():
+            if np.ndim(value) == 0:
+                attributes[key] = value
+            else:
+                coords[key] = (("case",), np.asarray(value))
+        taken = {*dims, *coords}
+        for name in named:
+            if name in taken:
+                raise BadName(
+                    f"channel {name!r}",
+                    found="the name of a dimension or coordinate of the Dataset",
+                    expected="a name other than " + ", ".join(sorted(taken)),
+                    remedy="Rename the channel.",
+                )
+        if self.settings:
+            attributes["settings"] = "\n".join(f"{key}: {value}" for key, value in self.settings)
+        return xarray.Dataset(channels, coords, attributes)
+
+    def _facts(self) -> dict[str, Any]:
+        """Conditions and outcome by the keys that files have for them; arrays where a batch differs."""
+        facts: dict[str, Any] = {}
+        if self.conditions is not None:
+            for key, name in CONDITION_FIELDS.items():
+                number = np.asarray(getattr(self.conditions, name), dtype=float)
+                facts[key] = float(number) if number.ndim == 0 else number
+        words = np.vectorize(lambda code: Outcome(int(code)).word, otypes=[str])(np.asarray(self.outcome))
+        facts["outcome"] = str(words) if words.ndim == 0 else words
+        return facts
+
+
+def _described(name: str) -> dict[str, str]:
+    """What a reader of a Dataset sees of a column: words, symbol and scale of the registry."""
+    row = QUANTITIES.get(name.removeprefix("sigma_"))
+    if row is None:
+        return {"units": "1"}
+    words = row.words if row.key == name else f"standard error of the {row.words}"
+    return {"units": "1", "long_name": words, "symbol": row.symbol, "scale": row.scale}

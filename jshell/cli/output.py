@@ -4,17 +4,21 @@ import functools
 import json
 import sys
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 import typer
+from typer.core import TyperGroup
 
-from jshell.errors import BadFile, JshellError, Outcome
+from jshell.errors import BadFile, BadName, BadValue, JshellError, Outcome
 
 BAD_INPUT = 2
 NOT_OK = 3
+# Typer has had Click's errors under two roofs; what its own error derives from is under the right one.
+UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 
 
@@ -105,3 +109,38 @@ def speaking(verb: Callable[..., None]) -> Callable[..., None]:
                 raise typer.Exit(BAD_INPUT) from None
 
     return wrapped
+
+
+class Verbs(TyperGroup):
+    """The verbs, with Typer's own refusals of a command line as JSON where JSON was asked for."""
+
+    asked = False
+
+    def make_context(self, info_name: str | None, args: list[str], *rest: Any, **given: Any) -> Any:
+        self.asked = "--json" in args
+        with self._telling():
+            return super().make_context(info_name, args, *rest, **given)
+
+    def invoke(self, ctx: Any) -> Any:
+        with self._telling():
+            return super().invoke(ctx)
+
+    @contextmanager
+    def _telling(self) -> Iterator[None]:
+        """Print the problem on stdout; Typer goes on to print it for a person on stderr, and exits with 2."""
+        try:
+            yield
+        except UsageError as error:
+            if self.asked:
+                say({"error": usage_problem(error).record()})
+            raise
+
+
+def usage_problem(error: Any) -> JshellError:
+    """A command line that Typer refuses, as an error of jshell's."""
+    command = error.ctx.command_path if error.ctx is not None else "jshell"
+    usage = " ".join(error.ctx.get_usage().split()) if error.ctx is not None else "jshell --help"
+    param = getattr(error, "param", None)
+    place = getattr(error, "option_name", None) or (param.opts[0] if param is not None and param.opts else command)
+    kind = BadName if param is None else BadValue
+    return kind(place, found=error.format_message(), expected=usage, remedy=f"Try {command} --help.")

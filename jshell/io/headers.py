@@ -6,14 +6,18 @@ Source     Mokbel et al. 2021, section "Description of relevant parameters"
 """
 
 import json
+import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from jshell.errors import BadFile, BadName, BadUnits, BadValue, Outcome
-from jshell.io.sheets import NUMBER, Entry, read_text
+from jshell.io.files import read_text, short
+from jshell.io.sheets import NUMBER, Entry
 from jshell.shell.parameters import Gas, Liquid, Load, Number, Reduced, Scales, Shell, scales
+from jshell.trace import CONDITION_FIELDS
 
 REDUCED_KEYS = ("d_hat", "P0_hat", "Pext_hat", "eta_hat")
 SI_KEYS = ("R0_m", "d_m", "E_Pa", "P0_Pa", "Pext_Pa", "rho_f_kg_m3", "eta_f_Pa_s")
@@ -21,14 +25,6 @@ SHARED_KEYS = ("kappa", "nu")
 CONDITION_KEYS = (*REDUCED_KEYS, *SI_KEYS, *SHARED_KEYS)
 OPTIONAL_KEYS = ("eta_hat", *SHARED_KEYS)  # Reduced knows their defaults
 
-_FIELDS = {
-    "d_hat": "thickness",
-    "P0_hat": "gas_pressure",
-    "Pext_hat": "outer_pressure",
-    "eta_hat": "viscosity",
-    "kappa": "kappa",
-    "nu": "poisson_ratio",
-}
 # What the constructors call a number, and what files call it.
 _KEY_OF_PLACE = {
     "radius [m]": "R0_m",
@@ -52,6 +48,8 @@ _MADE_FROM = {
     "Pext_hat": "Pext_Pa, E_Pa, d_m and R0_m",
     "eta_hat": "eta_f_Pa_s and the others",
 }
+
+_SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
 
 
 def read_conditions(path: str | Path) -> tuple[Reduced, Scales | None]:
@@ -86,9 +84,19 @@ def read_entries(path: str | Path) -> tuple[Entry, ...]:
     Raises:
         BadFile: Not a JSON object.
     """
-    text = read_text(path)
+    return entries_of(parsed(path, read_text(path)), str(path))
+
+
+def parsed(path: str | Path, text: str) -> tuple[tuple[str, Any], ...]:
+    """The pairs of a JSON object, repeated keys included; objects inside are tuples of pairs, too.
+
+    Raises:
+        BadFile: Not a JSON object.
+    """
     try:
         pairs = json.loads(text, object_pairs_hook=tuple)
+        if _SURROGATE.search(text):  # half a letter by its code: no file could be written with it
+            json.dumps(pairs, ensure_ascii=False).encode()
     except json.JSONDecodeError as error:
         raise BadFile(
             f"{path}, row {error.lineno}, position {error.colno}",
@@ -105,7 +113,12 @@ def read_entries(path: str | Path) -> tuple[Entry, ...]:
             expected="a JSON object",
             remedy='Write `{"d_hat": 0.22, …}`.',
         )
-    return tuple(Entry(key, _text(value), f"{path}, key `{key}`") for key, value in pairs)
+    return pairs
+
+
+def entries_of(pairs: Sequence[tuple[str, Any]], source: str) -> tuple[Entry, ...]:
+    """The pairs of a JSON object as header entries."""
+    return tuple(Entry(key, _text(value), f"{source}, key `{key}`") for key, value in pairs)
 
 
 def conditions(entries: Sequence[Entry], source: str) -> tuple[Reduced | None, Scales | None]:
@@ -190,7 +203,7 @@ def outcome(entries: Sequence[Entry]) -> int:
     if entry.value not in words:
         raise BadName(
             entry.place,
-            found=f"the outcome {entry.value!r}",
+            found=f"the outcome {short(entry.value)}",
             expected="one of " + ", ".join(words),
             remedy="Correct the word, or remove the line.",
         )
@@ -216,25 +229,25 @@ def refuse_equals_signs(comments: Sequence[Entry]) -> None:
             )
 
 
-def reduced_lines(problem: Reduced) -> list[str]:
-    """Header lines of a problem without units."""
-    return _written(tuple(_FIELDS), [getattr(problem, name) for name in _FIELDS.values()])
+def reduced_pairs(problem: Reduced) -> list[tuple[str, str]]:
+    """Keys and values of a problem without units."""
+    return _written(tuple(CONDITION_FIELDS), [getattr(problem, name) for name in CONDITION_FIELDS.values()])
 
 
-def si_lines(problem: Reduced, unit: Scales) -> list[str]:
-    """Header lines of the SI problem at given scales."""
+def si_pairs(problem: Reduced, unit: Scales) -> list[tuple[str, str]]:
+    """Keys and values of the SI problem at given scales."""
     shell, gas, liquid, load = problem.to_si(unit)
     numbers = (shell.radius, shell.thickness, shell.youngs_modulus, gas.pressure, load.pressure)
     numbers = (*numbers, liquid.density, liquid.viscosity, gas.kappa, shell.poisson_ratio)
     return _written((*SI_KEYS, *SHARED_KEYS), numbers)
 
 
-def _written(keys: Sequence[str], numbers: Sequence[Number]) -> list[str]:
-    return [f"# {key}: {float(number)!r}" for key, number in zip(keys, numbers, strict=True)]
+def _written(keys: Sequence[str], numbers: Sequence[Number]) -> list[tuple[str, str]]:
+    return [(key, repr(float(number))) for key, number in zip(keys, numbers, strict=True)]
 
 
 def _reduced_problem(number: dict[str, float]) -> Reduced:
-    return Reduced(**{_FIELDS[key]: value for key, value in number.items()})
+    return Reduced(**{CONDITION_FIELDS[key]: value for key, value in number.items()})
 
 
 def _si_problem(number: dict[str, float]) -> tuple[Reduced, Scales]:
@@ -245,7 +258,7 @@ def _si_problem(number: dict[str, float]) -> tuple[Reduced, Scales]:
     liquid = Liquid(number["rho_f_kg_m3"], number["eta_f_Pa_s"])
     load = Load(number["Pext_Pa"])
     unit = scales(shell, liquid)
-    sizes = [unit.of(dimension) for dimension in ("volume", "time", "speed", "pressure", "energy")]
+    sizes = [unit.of(dimension) for dimension in ("volume", "time", "speed", "volume rate", "pressure", "energy")]
     if not all(np.isfinite(size) and size > 0 for size in sizes):
         raise OverflowError
     return Reduced.from_si(shell, gas, liquid, load), unit
@@ -254,11 +267,13 @@ def _si_problem(number: dict[str, float]) -> tuple[Reduced, Scales]:
 def _number(entry: Entry) -> float:
     value = float(entry.value) if NUMBER.fullmatch(entry.value) else np.nan
     if not np.isfinite(value):
+        comma = NUMBER.fullmatch(entry.value.replace(",", ".")) is not None
+        alone = "Write the number alone, such as 0.22 or 2.2e-1, without a unit."
         raise BadValue(
             entry.place,
-            found=repr(entry.value),
+            found=short(entry.value),
             expected="a finite number",
-            remedy="Write the number alone, such as 0.22 or 2.2e-1, without a unit.",
+            remedy="Write a decimal point: headers have no decimal commas." if comma else alone,
         )
     return value
 

@@ -1,10 +1,12 @@
-"""Traces and tables in CSV files: what may be read, and what is refused.
+"""Traces and tables in files: what may be read, and what is refused.
 
-Above the columns stand lines `# key: value`: the conditions (`d_hat`, `P0_hat`,
-… or `R0_m`, `d_m`, …), the outcome, and settings in the user's own words. Then
-come a row of names and the numbers. A name alone is dimensionless; `V [mm^3]`
-has a unit, and needs SI conditions to lose it. `sigma_V` is the standard error
-of `V`. What would make a wrong answer later is refused here, with its place.
+A file is text (CSV and its cousins), JSON, NetCDF, `.mat` or `.npz`: its suffix
+says which. In text, lines `# key: value` stand above the columns: the conditions
+(`d_hat`, `P0_hat`, … or `R0_m`, `d_m`, …), the outcome, and settings in the
+user's own words. Then come a row of names and the numbers. A name alone is
+dimensionless; `V [mm^3]` has a unit, and needs SI conditions to lose it.
+`sigma_V` is the standard error of `V`. What would make a wrong answer later is
+refused here, with its place.
 """
 
 from collections.abc import Sequence
@@ -15,27 +17,21 @@ import numpy as np
 
 from jshell.errors import BadFile, BadName, BadShape, BadUnits, BadValue, Outcome
 from jshell.io import headers
-from jshell.io.columns import (
-    SIGMA,
-    Columns,
-    check_finite,
-    check_roles,
-    check_times,
-    check_values,
-    dimension_of,
-    dimensionless,
-    si_unit,
-)
-from jshell.io.sheets import Entry, Sheet, entry, read_sheet
+from jshell.io.columns import Columns, check_finite, check_roles, check_times, check_values, dimensionless
+from jshell.io.formats import read_sheet, write_sheet
+from jshell.io.plausibility import warn_of_slips
+from jshell.io.sheets import HALVES, Entry, Sheet, entry
+from jshell.io.units import SIGMA, dimension_of, si_unit
 from jshell.shell.parameters import Reduced, Scales
 from jshell.trace import Trace, Values
 
 
 def read_trace(path: str | Path, meta: str | Path | None = None) -> Trace:
-    """A trace from a CSV file.
+    """A trace from a file of columns.
 
     Args:
-        path: The file: a column `t`, at least one channel, at least two rows.
+        path: The file: a column `t`, at least one channel, at least two rows. The suffix tells the format:
+            `.json`, `.nc`, `.mat`, `.npz`; every other is text with commas, semicolons or tabs.
         meta: A JSON file with the keys of a header, for files without conditions. Where both have
             conditions they must agree.
 
@@ -48,6 +44,10 @@ def read_trace(path: str | Path, meta: str | Path | None = None) -> Trace:
         BadName: No column `t`, no channel, a `sigma_` without its channel, an unknown outcome.
         BadUnits: Units that are unknown, mixed, in contradiction to the name, or without SI conditions.
         BadValue: A number outside its meaning: time that stands still, a volume above the sphere's.
+        MissingExtra: A NetCDF file without h5netcdf installed.
+
+    Warns:
+        RangeWarning: A volume or area slightly beyond the sphere's; columns that a slip of units would explain.
     """
     sheet = read_sheet(path, ("t",))
     headers.refuse_equals_signs(sheet.comments)
@@ -66,8 +66,10 @@ def read_trace(path: str | Path, meta: str | Path | None = None) -> Trace:
         )
     check_times(times, sheet.place)
     check_values(columns, sheet.place)
+    written = dict(zip(sheet.names, sheet.units, strict=True))
+    warn_of_slips({"t": times, **columns}, written, problem, unit, sheet.place)
 
-    own = [line.key for line in sheet.entries]
+    own = {line.key for line in sheet.entries}
     entries = (*sheet.entries, *(line for line in extra if line.key not in own))
     return Trace(times, channels, problem, sigma, headers.outcome(entries), headers.settings(entries), unit)
 
@@ -75,7 +77,7 @@ def read_trace(path: str | Path, meta: str | Path | None = None) -> Trace:
 def read_table(
     path: str | Path, required: Sequence[str] = (), optional: Sequence[str] | None = None
 ) -> dict[str, np.ndarray]:
-    """The columns of a CSV file that need not be a record in time.
+    """The columns of a file that need not be a record in time.
 
     Args:
         path: The file.
@@ -113,25 +115,28 @@ def read_table(
 def write_trace(path: str | Path, trace: Trace, units: str = "reduced") -> None:
     """Write a trace so that `read_trace` reads it back.
 
-    Conditions and times keep all their digits, in SI to 1e-15 of their value; channels keep twelve.
+    JSON, NetCDF, `.mat` and `.npz` keep every bit of reduced numbers; text keeps all digits of conditions and
+    times, and twelve of channels. In SI all are kept to 1e-15 of their value.
 
     Args:
-        path: The file; an old one is replaced.
+        path: The file; an old one is replaced. Its suffix tells the format: `.csv`, `.txt`, `.dat` or none,
+            `.tsv`, `.tab`, `.json`, `.nc`, `.mat`, `.npz`.
         trace: One trace, not a batch; it must pass the reader's checks.
         units: `reduced` for dimensionless columns and conditions, which leaves the scales out;
             `si` for both in SI.
 
     Raises:
         BadFile: The file cannot be written.
-        BadName: Another word for `units`, or a name that a header or a column row cannot hold.
+        BadName: Another word for `units`, a suffix of no format, or a name that the format cannot hold.
         BadShape: A batch of traces.
         BadUnits: SI asked of a trace without scales or conditions.
         BadValue: Values that the reader would refuse.
     """
+    path = Path(path)
     columns = _checked(trace)
+    spelled: tuple[str | None, ...] = tuple(None for _ in columns)
     if units == "reduced":
-        header = [] if trace.conditions is None else headers.reduced_lines(trace.conditions)
-        names = list(columns)
+        header = [] if trace.conditions is None else headers.reduced_pairs(trace.conditions)
     elif units == "si":
         if trace.scales is None or trace.conditions is None:
             missing = "scales" if trace.scales is None else "conditions"
@@ -141,8 +146,8 @@ def write_trace(path: str | Path, trace: Trace, units: str = "reduced") -> None:
                 expected="scales and conditions, to write SI",
                 remedy='Write it with units="reduced", or set them.',
             )
-        header = headers.si_lines(trace.conditions, trace.scales)
-        names = [f"{name} [{si_unit(name)}]" for name in columns]
+        header = headers.si_pairs(trace.conditions, trace.scales)
+        spelled = tuple(si_unit(name) for name in columns)
         with np.errstate(over="ignore", under="ignore"):
             columns = {name: values * trace.scales.of(dimension_of(name)) for name, values in columns.items()}
         check_finite(columns, _sample)
@@ -150,18 +155,11 @@ def write_trace(path: str | Path, trace: Trace, units: str = "reduced") -> None:
         raise BadName(
             "argument `units`", found=repr(units), expected="reduced or si", remedy="Choose one of the two words."
         )
-    header.append(f"# outcome: {Outcome(int(trace.outcome)).word}")
-    header += [_setting_line(key, value) for key, value in trace.settings]
-
-    row = ",".join(["%r", *["%.12g"] * (len(columns) - 1)])
-    table = np.stack(list(columns.values()), axis=1).tolist()
-    lines = [*header, ",".join(names), *(row % tuple(numbers) for numbers in table)]
-    try:
-        Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
-    except OSError as error:
-        raise BadFile(
-            str(path), found=str(error), expected="a file that can be written", remedy="Check folder and permissions."
-        ) from None
+    for key, value in trace.settings:
+        _check_setting(key, value)
+    header = [*header, ("outcome", Outcome(int(trace.outcome)).word), *trace.settings]
+    entries = tuple(Entry(key, value, "trace") for key, value in header)
+    write_sheet(Sheet(path, entries, tuple(columns), spelled, tuple(columns.values())))
 
 
 def _agreed(sheet: Sheet, extra: Sequence[Entry], meta: str | Path | None) -> tuple[Reduced | None, Scales | None]:
@@ -204,12 +202,12 @@ def _checked(trace: Trace) -> Columns:
     sigma = {name: np.asarray(values, dtype=float) for name, values in trace.sigma.items()}
     check_roles(list(channels), list(sigma), lambda name: f"trace, channel `{name}`")
     for name in channels:
-        spoiled = name == "t" or name.startswith(SIGMA) or set(name) & set(",[]\n\r\0")
+        spoiled = name == "t" or name.startswith(SIGMA) or set(name) & set(",;\t[]\n\r\0") or HALVES.search(name)
         if not name or spoiled or name != name.strip():
             raise BadName(
                 f"trace, channel {name!r}",
                 found="a name that a column row cannot hold",
-                expected="a word other than `t`, not starting with `sigma_`, without commas or brackets",
+                expected="a word other than `t`, not starting with `sigma_`, without separators or brackets",
                 remedy="Rename the channel.",
             )
     columns = {"t": times, **channels, **{SIGMA + name: values for name, values in sigma.items()}}
@@ -233,15 +231,22 @@ def _sample(name: str, sample: int) -> str:
     return f"trace, channel `{name}`, sample {sample}"
 
 
-def _setting_line(key: str, value: str) -> str:
+def _check_setting(key: str, value: str) -> None:
+    """Refuse a setting that a header line would not bring back."""
     line = f"# {key}: {value}"
     back = entry(line, "")
     taken = key.lower() in {word.lower() for word in (*headers.CONDITION_KEYS, "outcome")}
-    if taken or "\r" in line or "\0" in line or back is None or (back.key, back.value) != (key, value):
+    if (
+        taken
+        or HALVES.search(line)
+        or "\r" in line
+        or "\0" in line
+        or back is None
+        or (back.key, back.value) != (key, value)
+    ):
         raise BadName(
             f"trace, setting {key!r}",
             found=repr(value),
             expected="a key of one word that is no condition, and a value of one line",
             remedy="Rename the key, or put the value in one line.",
         )
-    return line

@@ -1,0 +1,117 @@
+"""How long reading a trace of a million rows takes, and how much memory it needs at its worst.
+
+Each line is measured in a process of its own, with all imports done before the
+clock starts; the peak is what the process held above that (Linux). The rivals read
+the same text without checking it. Prints a table in Markdown:
+
+    .venv/bin/python benchmarks/reading.py
+"""
+
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+import jshell as js
+from jshell import io
+
+ROWS = 1_000_000
+SUFFIXES = (".csv", ".tsv", ".json", ".nc", ".mat", ".npz")
+
+
+def trace(rows: int) -> js.Trace:
+    """A damped signal of two modes about the rest state of R, with noise."""
+    rng = np.random.default_rng(0)
+    t = np.linspace(0, 40, rows)
+    slow, fast = np.exp(-t / 8) * np.cos(0.99 * t), np.exp(-t / 8) * np.cos(1.65 * t)
+    V = 2.913 + 0.02 * slow + 0.02 * fast + 1e-4 * rng.normal(size=rows)
+    S = 12.0 + 0.01 * slow - 0.01 * fast + 1e-4 * rng.normal(size=rows)
+    return js.Trace(t, {"V": V, "S": S}, js.Reduced(0.22, 0.9, 1.6, 0.004))
+
+
+def memory(key: str) -> float:
+    """`VmRSS`, what this process holds now, or `VmHWM`, the most since the last `forget_peak` [MB]."""
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return next(int(line.split()[1]) / 1024 for line in lines if line.startswith(key))
+
+
+def forget_peak() -> None:
+    Path("/proc/self/clear_refs").write_text("5")
+
+
+def fit(path: Path) -> None:
+    js.calibration.fit_trajectories(io.read_trace(path), "modal", channels=["V"])
+
+
+def read_spoiled(path: Path) -> None:
+    """A file with a word in its last row: the fast reader gives up, the strict one finds the row."""
+    try:
+        io.read_trace(path)
+    except js.errors.BadFile:
+        return
+    raise AssertionError("a spoiled file was read")
+
+
+def pandas(path: Path) -> None:
+    import pandas as rival
+
+    rival.read_csv(path, comment="#")
+
+
+JOBS: dict[str, tuple[str, Callable[[Path], object]]] = {
+    **{f"read {suffix}": (suffix, io.read_trace) for suffix in SUFFIXES},
+    "read .csv with semicolons and decimal commas": (".commas.csv", io.read_trace),
+    "refuse .csv for its last row": (".spoiled.csv", read_spoiled),
+    "numpy.loadtxt of .csv": (".csv", lambda path: np.loadtxt(path, delimiter=",", skiprows=8)),
+    "pandas.read_csv of .csv": (".csv", pandas),
+    "read .csv and fit_trajectories": (".csv", fit),
+}
+
+
+def measure(name: str, path: Path) -> None:
+    """Time and peak of one job, in a fresh process; a small file first wakes what loads lazily."""
+    job = JOBS[name][1]
+    small = path.parent / f"small{''.join(path.suffixes)}"
+    if "fit" not in name:
+        job(small)
+    forget_peak()
+    before, began = memory("VmRSS"), time.perf_counter()
+    job(path)
+    print(time.perf_counter() - began, memory("VmHWM") - before)
+
+
+def write(folder: Path, stem: str, rows: int) -> None:
+    for suffix in SUFFIXES:
+        io.write_trace(folder / f"{stem}{suffix}", trace(rows))
+    lines = (folder / f"{stem}.csv").read_text().splitlines()
+    (folder / f"{stem}.spoiled.csv").write_text("\n".join([*lines, "a,b,c"]))
+    commas = [line if line.startswith("#") else line.replace(",", ";").replace(".", ",") for line in lines]
+    (folder / f"{stem}.commas.csv").write_text("\n".join(commas))
+
+
+def main() -> None:
+    rows = int(sys.argv[1]) if len(sys.argv) > 1 else ROWS
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        write(folder, "small", 100)
+        write(folder, "large", rows)
+        print(f"rows: {rows}, channels: 2\n")
+        print("| job | file [MB] | time [s] | peak above the baseline [MB] |")
+        print("|---|---|---|---|")
+        for job, (suffix, _) in JOBS.items():
+            path = folder / f"large{suffix}"
+            words = [sys.executable, __file__, "--measure", job, str(path)]
+            said = subprocess.run(words, capture_output=True, text=True, check=False)
+            shown = " | ".join(f"{float(n):.3g}" for n in said.stdout.split()) or f"{said.stderr[-200:]} | "
+            print(f"| {job} | {path.stat().st_size / 1e6:.0f} | {shown} |", flush=True)
+
+
+if __name__ == "__main__":
+    if "--measure" in sys.argv:
+        measure(sys.argv[2], Path(sys.argv[3]))
+    else:
+        main()

@@ -1,0 +1,104 @@
+"""Columns in NumPy's `.npz`, without pickles.
+
+What an array claims to hold is compared with what the archive holds of it
+before memory is asked for: a small file that unfolds into gigabytes is refused.
+"""
+
+import warnings
+import zipfile
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from jshell.errors import BadFile
+from jshell.io.arrays import SETTINGS, check_array, refuse_names, settings_text, sheet_of
+from jshell.io.files import SPOILED, cannot_write, check_size, spoiled
+from jshell.io.headers import CONDITION_KEYS
+from jshell.io.sheets import Sheet, title
+
+WORDS = "NumPy archive"
+_HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+
+
+def read(path: Path, required: Sequence[str] = ()) -> Sheet:
+    """Columns of an `.npz` archive.
+
+    Raises:
+        BadFile: No archive of plain arrays, one array with several columns, or too large.
+    """
+    try:
+        archive = zipfile.ZipFile(path)
+    except SPOILED as error:
+        raise spoiled(path, WORDS, error) from None
+    with archive:
+        members = archive.infolist()
+        names = [member.filename for member in members]
+        check_size(str(path), sum(member.file_size for member in members))
+        twice = next((name for name, count in Counter(names).items() if count > 1), None)
+        if twice is not None:
+            raise BadFile(
+                f"{path}, array `{twice}`", found="the name twice", expected="every name once", remedy="Write it again."
+            )
+        return sheet_of(path, list(_arrays(path, archive, members)), required)
+
+
+def _arrays(path: Path, archive: zipfile.ZipFile, members: list[zipfile.ZipInfo]) -> Iterator[tuple[str, np.ndarray]]:
+    for member in members:
+        name = member.filename.removesuffix(".npy")
+        if name == member.filename:
+            raise BadFile(
+                f"{path}, member `{name}`",
+                found="a file that is no array",
+                expected="files `name.npy`",
+                remedy="Write the archive with `numpy.savez`; export a spreadsheet as CSV in UTF-8.",
+            )
+        try:
+            with warnings.catch_warnings(), archive.open(member) as file:
+                warnings.simplefilter("ignore")
+                shape, _, dtype = _HEADERS[np.lib.format.read_magic(file)](file)
+                content = member.file_size - file.tell()
+        except SPOILED as error:
+            raise spoiled(path, f"{WORDS} (array `{name}`)", error) from None
+        place = f"{path}, array `{name}`"
+        check_array(place, shape, "O" if dtype.hasobject else dtype.kind, dtype.itemsize)
+        claimed = int(np.prod(shape, dtype=object)) * dtype.itemsize
+        if claimed != content:
+            raise BadFile(
+                place,
+                found=f"{content} bytes for a claim of {claimed}",
+                expected="as many as the shape tells",
+                remedy="Write the archive again.",
+            )
+        try:
+            with archive.open(member) as file:
+                yield name, np.lib.format.read_array(file, allow_pickle=False)
+        except SPOILED as error:
+            raise spoiled(path, f"{WORDS} (array `{name}`)", error) from None
+
+
+def write(path: Path, sheet: Sheet) -> None:
+    """Write columns, conditions and settings as plain arrays, bit for bit.
+
+    Raises:
+        BadName: A column named like a condition.
+    """
+    arrays = {}
+    kept = [item for item in sheet.entries if item.key in CONDITION_KEYS]
+    arrays |= {item.key: np.asarray(float(item.value)) for item in kept}
+    arrays |= {item.key: np.asarray(item.value) for item in sheet.entries if item.key == "outcome"}
+    rest = [item for item in sheet.entries if item.key not in (*CONDITION_KEYS, "outcome")]
+    if rest:
+        arrays[SETTINGS] = np.asarray(settings_text(rest))
+    taken = (*CONDITION_KEYS, "outcome", SETTINGS, "units")
+    refuse_names(sheet, [name for name in sheet.names if name in taken], "a name other than " + ", ".join(taken))
+    spelled = map(title, sheet.names, sheet.units)
+    arrays |= dict(zip(spelled, sheet.columns, strict=True))
+    try:
+        with zipfile.ZipFile(path, "w") as archive:
+            for name, values in arrays.items():
+                with archive.open(f"{name}.npy", "w", force_zip64=True) as file:
+                    np.lib.format.write_array(file, values, allow_pickle=False)
+    except OSError as error:
+        raise cannot_write(path, error) from None

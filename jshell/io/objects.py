@@ -1,0 +1,102 @@
+"""Columns in JSON: `{"d_hat": 0.22, …, "columns": {"t": […], "V": […]}}`.
+
+Conditions and settings stand beside `columns`, as in a meta file. Names may
+carry units, `"V [mm^3]"`. Numbers keep all their digits.
+"""
+
+import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jshell.errors import BadFile, BadName, BadValue
+from jshell.io.arrays import checked
+from jshell.io.files import cannot_write, read_text, short
+from jshell.io.headers import CONDITION_KEYS, entries_of, parsed
+from jshell.io.sheets import Sheet, require, title, titles
+
+COLUMNS = "columns"
+
+
+def read(path: Path, required: Sequence[str] = ()) -> Sheet:
+    """Columns of a JSON file.
+
+    Raises:
+        BadFile: No JSON object with lists of numbers under `columns`, or columns of different lengths.
+        BadName: A required column is missing.
+        BadValue: A number that is NaN or infinite.
+    """
+    pairs = parsed(path, read_text(path))
+    found = [value for key, value in pairs if key == COLUMNS]
+    if len(found) != 1 or not isinstance(found[0], tuple):
+        raise BadFile(
+            f"{path}, key `{COLUMNS}`",
+            found="no JSON object" if not found else f"{len(found)} of them" if len(found) > 1 else "another value",
+            expected="one object of lists of numbers",
+            remedy='Write `{"columns": {"t": […], "V": […]}}`.',
+        )
+    names, units = titles(str(path), [str(key) for key, _ in found[0]])
+    require(str(path), names, required)
+    columns = tuple(_column(path, name, values) for name, (_, values) in zip(names, found[0], strict=True))
+    rest = [pair for pair in pairs if pair[0] != COLUMNS]
+    return checked(Sheet(path, entries_of(rest, str(path)), names, units, columns))
+
+
+def write(path: Path, sheet: Sheet) -> None:
+    """Write columns, conditions and settings as one JSON object, bit for bit.
+
+    Raises:
+        BadName: A setting that stands twice, or one called `columns`.
+    """
+    keys = [item.key for item in sheet.entries]
+    for at, key in enumerate(keys):
+        if key == COLUMNS or key in keys[:at]:
+            raise BadName(
+                f"trace, setting {key!r}",
+                found="a key that a JSON file cannot hold, or not twice",
+                expected="every key once, and none called `columns`",
+                remedy="Rename the setting, or write CSV.",
+            )
+    record: dict[str, Any] = {
+        item.key: float(item.value) if item.key in CONDITION_KEYS else item.value for item in sheet.entries
+    }
+    spelled = map(title, sheet.names, sheet.units)
+    record[COLUMNS] = {name: values.tolist() for name, values in zip(spelled, sheet.columns, strict=True)}
+    try:
+        with path.open("w", encoding="utf-8", newline="\n") as file:
+            file.write(json.dumps(record, ensure_ascii=False, allow_nan=False) + "\n")
+    except OSError as error:
+        raise cannot_write(path, error) from None
+
+
+def _column(path: Path, name: str, values: Any) -> np.ndarray:
+    """A list of numbers as an array; the slow walk happens only to place an error."""
+    if not isinstance(values, list):
+        raise BadFile(
+            f"{path}, column `{name}`",
+            found=short(str(values)),
+            expected="a list of numbers",
+            remedy="Write `[0.0, 0.1, …]`.",
+        )
+    if set(map(type, values)) <= {int, float}:
+        try:
+            return np.asarray(values, dtype=np.float64)
+        except OverflowError:
+            pass  # an integer above 1e308: the walk below places it
+    for at, value in enumerate(values):
+        place = f"{path}, row {at + 1}, column `{name}`"
+        if type(value) not in (int, float):
+            raise BadFile(
+                place,
+                found=short(json.dumps(value, default=str)),
+                expected="a number such as 4.18 or 4.18e-3",
+                remedy="Correct it, or remove the row from every column.",
+            )
+        if abs(value) > 1.7976931348623157e308 or (isinstance(value, float) and not math.isfinite(value)):
+            raise BadValue(
+                place, found=short(str(value)), expected="a finite number", remedy="Remove the row or the column."
+            )
+    raise AssertionError("a list that is neither sound nor wrong")
