@@ -113,3 +113,26 @@ def test_energy_is_conserved_without_damping():
     q, v = y[:, :2], y[:, 2:]
     energy = jnp.einsum("ti,ij,tj->t", v, system.mass, v) + jnp.einsum("ti,ij,tj->t", q, system.stiffness, q)
     np.testing.assert_allclose(energy, energy[0], rtol=1e-11)
+
+
+@pytest.mark.parametrize(("precision", "tolerance"), [("float64", 1e-9), ("float32", 1e-5)])
+def test_frequencies_keep_their_digits_at_every_pressure(precision, tolerance):
+    """Inner pressures 0.2 … 1e5 against arithmetic of 50 digits."""
+    volume = np.asarray(0.7 * 4 * np.pi / 3, precision)
+    pressures = np.geomspace(0.2, 1e5, 40).astype(precision)
+    constants = [np.asarray(x, precision) for x in (3.6, 1.1, 0.1)]
+    kappa = np.asarray(1.4, precision)
+    area = np.asarray(1.0, precision)
+    of = jax.jit(jax.vmap(lambda P: squared_frequencies(volume, P, *constants, kappa=kappa, area_modulus=area)))
+    found = np.sqrt(np.asarray(of(pressures)))
+    assert found.dtype == precision
+
+    with mpmath.workdps(50):
+        V, alpha1, alpha2, k = (mpmath.mpf(float(x)) for x in (volume, *constants))
+        for row, pressure in zip(found, pressures, strict=True):
+            a = 4 * mpmath.pi * mpmath.mpf(float(kappa)) * mpmath.mpf(float(pressure)) / (alpha1 * V)
+            b = 9 * mpmath.pi**2 / (8 * alpha2 * V**2)
+            c = 18 * mpmath.pi**4 * k**2 / (alpha1 * alpha2 * V**4)
+            root = mpmath.sqrt((a - b) ** 2 / 4 + c)
+            exact = [float(mpmath.sqrt((a + b) / 2 - root)), float(mpmath.sqrt((a + b) / 2 + root))]
+            np.testing.assert_allclose(row, exact, rtol=tolerance)

@@ -1,0 +1,76 @@
+"""`jshell bifurcation`: what a tone of rising amplitude does to a shell once its transients are gone."""
+
+import importlib
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from jshell.cli.output import Json, finish, log, say, speaking, table, writable
+from jshell.cli.problem import Problem, with_conditions
+from jshell.errors import BadValue, Outcome
+from jshell.oscillator import SOURCE, Coefficients, Drag, frequencies
+from jshell.oscillator import bifurcation as diagram
+from jshell.shell import SPHERE_VOLUME
+
+
+@speaking
+@with_conditions
+def bifurcation(
+    problem: Problem,
+    highest: Annotated[float, typer.Option(help="Largest amplitude / (E d/R0).")],
+    lowest: Annotated[float, typer.Option(help="Least amplitude / (E d/R0).")] = 0.001,
+    lanes: Annotated[int, typer.Option(help="How many amplitudes.")] = 400,
+    pulsation: Annotated[float | None, typer.Option(help="Of the tone; default the slow mode's.")] = None,
+    periods: Annotated[int, typer.Option(help="Of the tone, for each amplitude.")] = 200,
+    keep: Annotated[int, typer.Option(help="Periods looked at, at the end.")] = 50,
+    tau: Annotated[float | None, typer.Option(help="Decay time of both modes instead of the viscous law.")] = None,
+    alpha1: Annotated[float, typer.Option(help="Added-mass factor of the volume.")] = float(SOURCE.alpha1),
+    alpha2: Annotated[float, typer.Option(help="Added-mass factor of the area.")] = float(SOURCE.alpha2),
+    k_vs: Annotated[float, typer.Option(help="Volume-area coupling.")] = float(SOURCE.k_vs),
+    beta1: Annotated[float, typer.Option(help="Damping factor of the volume.")] = float(SOURCE.beta1),
+    plot: Annotated[Path | None, typer.Option("--plot", help="Picture to write: png, pdf or svg.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Bifurcation diagram: the volume once a period over the amplitude of a tone."""
+    if plot is not None:
+        writable(plot, "--plot")
+    if not (0 < lowest < highest and lanes > 1):
+        raise BadValue(
+            "--lowest, --highest, --lanes",
+            found=f"{lowest:g}, {highest:g}, {lanes}",
+            expected="0 < lowest < highest, and 2 amplitudes or more",
+            remedy="Check them.",
+        )
+    if tau is None:
+        problem.needs_viscosity()
+    constants = Coefficients(alpha1, alpha2, k_vs, beta1)
+    if pulsation is None:
+        linear = frequencies(problem.conditions, constants)
+        finish(Outcome(int(linear.outcome)))
+        pulsation = float(linear.omega_minus)
+    drag = Drag() if tau is None else Drag("equal_decay", tau=tau)
+    amplitudes = np.linspace(lowest, highest, lanes)
+    log(f"{lanes} amplitudes, {periods} periods each, pulsation {pulsation:g}")
+    found = diagram(problem.conditions, constants, amplitudes, pulsation, periods=periods, keep=keep, drag=drag)
+    if plot is not None:
+        axes = importlib.import_module("jshell.plot.response").bifurcation_diagram(found)
+        importlib.import_module("jshell.plot").save(axes.figure, plot)
+    ended = np.asarray(found.outcome) != 0
+    counts = {int(p): int(np.sum(np.asarray(found.period)[~ended] == p)) for p in np.unique(found.period)}
+    first = float(amplitudes[ended][0]) if ended.any() else None
+    if as_json:
+        rows = {
+            "amplitude": amplitudes,
+            "outcome": [Outcome(int(o)) for o in found.outcome],
+            "period": found.period,
+            "volume_over_V0": np.asarray(found.volume).T / SPHERE_VOLUME,
+        }
+        say({"pulsation": pulsation, "lanes": rows, "first_ended": first, "plot": None if plot is None else str(plot),
+             "conditions": problem.record()})  # fmt: skip
+    else:
+        words = {0: "does not repeat within 8 periods", 1: "repeats every period"}
+        shown = [(words.get(p, f"repeats every {p} periods"), n) for p, n in counts.items() if n]
+        shown += [("leaves the buckled state", int(ended.sum())), ("first amplitude that does", first)]
+        typer.echo(table(shown, ("the answer", "amplitudes")))

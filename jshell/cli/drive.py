@@ -1,0 +1,137 @@
+"""`jshell drive`: what a shell answers to a pressure."""
+
+import importlib
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from jshell import io
+from jshell.cli.output import Json, finish, log, say, speaking, table, writable
+from jshell.cli.problem import Problem, with_conditions
+from jshell.errors import BadName, BadValue, Outcome
+from jshell.memory import half_derivative
+from jshell.oscillator import SOURCE, Coefficients, Drag, Pulse, Ramp, Response, Reynolds, Step, StokesLayer, Tone
+from jshell.oscillator import drive as run
+from jshell.oscillator.forcing import Forcing
+from jshell.shell import SPHERE_VOLUME
+from jshell.trace import Trace
+
+FORCINGS = ("tone", "pulse", "burst", "step", "ramp")
+DRAGS = ("viscous", "equal_decay", "reynolds", "none")
+
+
+@speaking
+@with_conditions
+def drive(
+    problem: Problem,
+    forcing: Annotated[str, typer.Option(help="tone, pulse, burst, step or ramp.")] = "tone",
+    amplitude: Annotated[
+        float, typer.Option(help="Added pressure / (E d/R0); of a pulse or burst its peak negative pressure.")
+    ] = 0.02,
+    pulsation: Annotated[float | None, typer.Option(help="Of a tone, pulse or burst; default the slow mode's.")] = None,
+    cycles: Annotated[int, typer.Option(help="Of a pulse or burst.")] = 5,
+    kpa: Annotated[float | None, typer.Option("--kpa", help="Amplitude in kPa (needs SI conditions).")] = None,
+    mhz: Annotated[float | None, typer.Option("--mhz", help="Frequency in MHz (needs SI conditions).")] = None,
+    rise: Annotated[float, typer.Option(help="Length of a ramp.")] = 10.0,
+    duration: Annotated[float, typer.Option(help="Length of the run.")] = 100.0,
+    every: Annotated[float, typer.Option(help="Spacing of the samples.")] = 0.05,
+    drag: Annotated[str, typer.Option(help="viscous, equal_decay, reynolds or none.")] = "viscous",
+    tau: Annotated[float | None, typer.Option(help="Decay time of equal_decay.")] = None,
+    layer: Annotated[float, typer.Option(help="Factor of a Stokes layer; 0 is none.")] = 0.0,
+    wall_viscosity: Annotated[float, typer.Option(help="Viscosity of the wall / (E d time).")] = 0.0,
+    sound_speed: Annotated[float | None, typer.Option(help="Speed of sound / sqrt(E d/rho R0).")] = None,
+    alpha1: Annotated[float, typer.Option(help="Added-mass factor of the volume.")] = float(SOURCE.alpha1),
+    alpha2: Annotated[float, typer.Option(help="Added-mass factor of the area.")] = float(SOURCE.alpha2),
+    k_vs: Annotated[float, typer.Option(help="Volume-area coupling.")] = float(SOURCE.k_vs),
+    beta1: Annotated[float, typer.Option(help="Damping factor of the volume.")] = float(SOURCE.beta1),
+    out: Annotated[Path | None, typer.Option("--out", help="Trace to write: CSV, JSON, .npz, NetCDF or .mat.")] = None,
+    plot: Annotated[Path | None, typer.Option("--plot", help="Picture to write: png, pdf or svg.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Drive a buckled shell by a tone, pulse, burst, step or ramp, with the nonlinear short model."""
+    for option, path in (("--out", out), ("--plot", plot)):
+        if path is not None:
+            writable(path, option)
+    if out is not None:
+        io.check_suffix(out)
+    if drag in ("viscous", "reynolds") or layer > 0:
+        problem.needs_viscosity()
+    constants = Coefficients(alpha1, alpha2, k_vs, beta1)
+    omega = _pulsation(problem, constants, pulsation, mhz)
+    size = amplitude if kpa is None else _si(problem, "--kpa") and 1e3 * kpa / problem.scales.pressure  # pyright: ignore
+    pressure = _forcing(forcing, size, omega, cycles, rise)
+    memory = StokesLayer(half_derivative(), layer) if layer > 0 else None
+    losses = Drag(drag, tau, Reynolds(), memory, wall_viscosity, sound_speed)
+    times = np.arange(0.0, duration + every / 2, every)
+    log(f"driving {duration:g} time units at pulsation {omega:g}")
+    found = run(problem.conditions, constants, pressure, times=times, drag=losses)
+    _tell(problem, found, omega, out, plot, as_json)
+
+
+def _tell(problem: Problem, found: Response, omega: float, out: Path | None, plot: Path | None, as_json: bool) -> None:
+    """Write what was asked for, and say the numbers."""
+    outcome = Outcome(int(found.outcome))
+    whole = found.trace()
+    trace = Trace(whole.times, whole.channels, whole.conditions, outcome=int(outcome), settings=whole.settings,
+                  scales=problem.scales)  # fmt: skip
+    if out is not None:
+        io.write_trace(out, trace)
+    drawing = importlib.import_module("jshell.plot.response")
+    if plot is not None:
+        importlib.import_module("jshell.plot").save(drawing.answer(found), plot)
+    ok = outcome == Outcome.OK
+    V = np.asarray(found.motion.V) / SPHERE_VOLUME
+    ended = float(found.ended)
+    numbers = {
+        "V_rest_over_V0": float(found.driven.state.volume) / SPHERE_VOLUME,
+        "V_min_over_V0": float(V.min()) if ok else None,
+        "V_max_over_V0": float(V.max()) if ok else None,
+        "pole_speed_max": float(np.max(np.abs(np.asarray(found.front_speed)))) if ok else None,
+        "scattered_max": float(np.max(np.abs(np.asarray(found.scattered)))) if ok else None,
+        "energy_imbalance": float(np.max(np.abs(np.asarray(found.imbalance)))) if ok else None,
+        "ended_at": ended if np.isfinite(ended) else None,
+    }
+    levels = drawing.harmonic_levels(found, omega) if ok else {}
+    steps = {"accepted": int(found.accepted), "rejected": int(found.rejected)}
+    if as_json:
+        files = {"out": None if out is None else str(out), "plot": None if plot is None else str(plot)}
+        say({"outcome": outcome, **numbers, "pulsation": omega, "harmonics": levels, "steps": steps, **files,
+             "conditions": problem.record()})  # fmt: skip
+    else:
+        rows = [(name.replace("_", " "), value) for name, value in numbers.items()]
+        rows += [(f"scattered at {order} ω", value) for order, value in levels.items()]
+        rows += [(f"steps {word}", count) for word, count in steps.items()]
+        typer.echo(table(rows, ("driven shell", "value")))
+    finish(outcome)
+
+
+def _si(problem: Problem, option: str) -> bool:
+    if problem.scales is None:
+        raise BadValue(option, found="conditions without units", expected="SI conditions", remedy="Give --r0 and kin.")
+    return True
+
+
+def _pulsation(problem: Problem, constants: Coefficients, given: float | None, mhz: float | None) -> float:
+    """The drive's pulsation: as given, from a frequency, or that of the slow mode."""
+    if mhz is not None:
+        _si(problem, "--mhz")
+        return 2e6 * np.pi * mhz * problem.scales.time  # pyright: ignore[reportOptionalMemberAccess]
+    if given is not None:
+        return given
+    from jshell.oscillator import frequencies
+
+    found = frequencies(problem.conditions, constants)
+    finish(Outcome(int(found.outcome)))
+    return float(found.omega_minus)
+
+
+def _forcing(kind: str, size: float, omega: float, cycles: int, rise: float) -> Forcing:
+    if kind not in FORCINGS:
+        raise BadName("--forcing", found=repr(kind), expected=", ".join(FORCINGS), remedy="Choose one.")
+    if kind == "tone":
+        return Tone(size, omega)
+    if kind in ("pulse", "burst"):
+        return Pulse(size, omega, cycles, 0.0, "hann" if kind == "pulse" else "flat")
+    return Step(size) if kind == "step" else Ramp(size, rise)

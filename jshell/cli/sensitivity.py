@@ -1,0 +1,149 @@
+"""`jshell sensitivity`: what a number of the short model depends on, at a point and over a range."""
+
+import importlib
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from jshell.cli.output import Json, say, speaking, table, writable
+from jshell.cli.problem import Problem, named, with_conditions
+from jshell.errors import BadValue
+from jshell.oscillator import SOURCE, Coefficients
+from jshell.sensitivity import Elasticities, Range, SobolIndices, elasticities, information, next_experiment, sobol
+from jshell.sensitivity.identifiability import PARAMETERS
+from jshell.shell import Reduced
+
+
+@speaking
+@with_conditions
+def sensitivity(
+    problem: Problem,
+    of: Annotated[
+        str,
+        typer.Option("--of", help="omega_minus, omega_plus, tau, volume, pressure, stability_margin or omega_sphere"),
+    ] = "omega_minus",
+    vary: Annotated[
+        list[str] | None,
+        typer.Option("--range", help="INPUT=LOW,HIGH or INPUT=LOW,HIGH,log; with it, Sobol indices."),
+    ] = None,
+    rows: Annotated[int, typer.Option(help="Rows of the sampling plan, a power of two.")] = 1024,
+    seed: Annotated[int, typer.Option(help="Of the sampling plan.")] = 0,
+    following: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--next", help="D_HAT,P0_HAT,PEXT_HAT of a shell that could be measured next; give several to rank them."
+        ),
+    ] = None,
+    sigma: Annotated[float, typer.Option(help="Relative standard error of a frequency, for --next.")] = 0.01,
+    missing: Annotated[str, typer.Option(help="Runs that give no number: refuse or drop.")] = "refuse",
+    alpha1: Annotated[float, typer.Option(help="Added-mass factor of the volume.")] = float(SOURCE.alpha1),
+    alpha2: Annotated[float, typer.Option(help="Added-mass factor of the area.")] = float(SOURCE.alpha2),
+    k_vs: Annotated[float, typer.Option(help="Volume-area coupling.")] = float(SOURCE.k_vs),
+    beta1: Annotated[float, typer.Option(help="Damping factor of the volume.")] = float(SOURCE.beta1),
+    plot: Annotated[Path | None, typer.Option("--plot", help="Picture to write: png, pdf or svg.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Elasticities of a number at a shell; with --range, Sobol indices; with --next, which shell to measure next."""
+    if plot is not None:
+        writable(plot, "--plot")
+    constants = Coefficients(alpha1, alpha2, k_vs, beta1)
+    if following:
+        _advise(problem, constants, following, sigma, plot, as_json)
+        return
+    if of == "tau":
+        problem.needs_viscosity()
+    if vary:
+        found = sobol(of, _ranges(vary), problem.conditions, constants, rows=rows, seed=seed, missing=missing)
+        shown = _sobol_table(found)
+    else:
+        found = elasticities(of, problem.conditions, constants)
+        shown = _elasticity_table(found)
+    record = found.record()
+    if isinstance(found, Elasticities):
+        told = information(problem.conditions, constants)
+        record |= {"one_shell_leaves_free": list(told.words)}
+        shown += "\n" + "\n".join(f"from this shell's two frequencies alone, {line}" for line in told.words)
+    if plot is not None:
+        drawing = importlib.import_module("jshell.plot.sensitivity")
+        draw = drawing.elasticity_bars if isinstance(found, Elasticities) else drawing.sobol_bars
+        importlib.import_module("jshell.plot").save(draw(found).figure, plot)
+    if as_json:
+        say({**record, "plot": None if plot is None else str(plot), "conditions": problem.record()})
+    else:
+        typer.echo(shown)
+
+
+def _advise(
+    problem: Problem, constants: Coefficients, texts: list[str], sigma: float, plot: Path | None, as_json: bool
+) -> None:
+    """Rank candidates by what they would add to the shell of the conditions, taken as measured."""
+    c = problem.conditions
+    d, P0, P = np.array([_triple(text) for text in texts]).T
+    found = next_experiment(Reduced(d, P0, P, c.viscosity, c.kappa, c.poisson_ratio), constants, c, sigma)
+    if plot is not None:
+        axes = importlib.import_module("jshell.plot.sensitivity").ranking(found, texts)
+        importlib.import_module("jshell.plot").save(axes.figure, plot)
+    order = np.argsort(-np.nan_to_num(found.gain, nan=-np.inf))
+    if as_json:
+        say({"best": named(found.conditions), "gain": found.gain, "stderr_before": found.before,
+             "stderr_after": found.after, "plot": None if plot is None else str(plot),
+             "conditions": problem.record()})  # fmt: skip
+    else:
+        typer.echo(table([(texts[k], found.gain[k]) for k in order], ("measure next: d̂,P̂0,P̂ext", "rise of ln det F")))
+        typer.echo("")
+        rows = [*zip(PARAMETERS, found.before, found.after, strict=True)]
+        typer.echo(table(rows, ("relative error of", "now", "with the best")))
+
+
+def _triple(text: str) -> tuple[float, float, float]:
+    """d̂, P̂0 and P̂ext of a candidate.
+
+    Raises:
+        BadValue: A text that is none.
+    """
+    try:
+        d, P0, P = (float(part) for part in text.split(","))
+    except ValueError:
+        raise BadValue(
+            "--next", found=repr(text), expected="D_HAT,P0_HAT,PEXT_HAT", remedy="Try 0.1,0.9,1.3."
+        ) from None
+    return d, P0, P
+
+
+def _ranges(texts: list[str]) -> dict[str, Range]:
+    """Ranges from `input=low,high[,log]`.
+
+    Raises:
+        BadValue: A text that is none.
+    """
+    found = {}
+    for text in texts:
+        name, _, rest = text.partition("=")
+        parts = rest.split(",")
+        try:
+            low, high = float(parts[0]), float(parts[1])
+        except (ValueError, IndexError):
+            raise BadValue(
+                "--range", found=repr(text), expected="INPUT=LOW,HIGH or INPUT=LOW,HIGH,log", remedy="thickness=.05,.3"
+            ) from None
+        found[name] = Range(low, high, parts[2] if len(parts) > 2 else "linear")
+    return found
+
+
+def _elasticity_table(found: Elasticities) -> str:
+    rows = [*zip(found.inputs, found.at, found.derivative, found.elasticity, strict=True)]
+    return table(rows, (f"{found.name} = {found.value:.6g}", "value", "derivative", "% per %"))
+
+
+def _sobol_table(found: SobolIndices) -> str:
+    rows = [
+        (n, s, f"{a[0]:.3f} … {a[1]:.3f}", t, f"{b[0]:.3f} … {b[1]:.3f}")
+        for n, s, a, t, b in zip(
+            found.inputs, found.first, found.first_interval, found.total, found.total_interval, strict=True
+        )
+    ]
+    percent = f"{100 * found.confidence:g} %"
+    head = f"{found.name}, {found.runs} runs, {found.missing} without a number"
+    return table(rows, (head, "alone", percent, "in all", percent))

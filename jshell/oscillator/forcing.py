@@ -1,0 +1,208 @@
+"""What the pressure far away does: steps, ramps, tones, bursts, pulses, records.
+
+A forcing is a function of time that returns the pressure *added* to the steady
+outer pressure of the conditions. Any callable will do; those here know their
+convention and can be made from kilopascals and megahertz.
+
+Symbols    p added pressure [E d/R0]   t time [sqrt(ρ_f R0³/(E d))]   ω pulsation [1/time]
+Valid for  a shell small against the wavelength: the pressure is the same all around it
+Source     peak negative pressure and number of cycles as in diagnostic ultrasound
+"""
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any, TypeAlias
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+
+from jshell.errors import BadName, BadShape, BadValue
+from jshell.shell.parameters import Number, Scales, check
+
+Forcing: TypeAlias = Callable[[Any], jax.Array]
+Moment: TypeAlias = Number | int
+WINDOWS = ("hann", "flat")
+
+
+class Still(eqx.Module):
+    """No forcing: the outer pressure stays what the conditions say."""
+
+    def __call__(self, t: Moment) -> jax.Array:
+        return jnp.zeros_like(jnp.asarray(t, dtype=float))
+
+
+class Step(eqx.Module):
+    """Pressure added at once, at `start`."""
+
+    amplitude: Number
+    start: Number = 0.0
+
+    def __call__(self, t: Moment) -> jax.Array:
+        return jnp.asarray(self.amplitude * jnp.asarray(t >= self.start))
+
+
+class Ramp(eqx.Module):
+    """Pressure added evenly over `duration` from `start` on, then held."""
+
+    amplitude: Number
+    duration: Number
+    start: Number = 0.0
+
+    def __check_init__(self) -> None:
+        check("duration", self.duration, "a time above 0", lambda x: x > 0)
+
+    def __call__(self, t: Moment) -> jax.Array:
+        return jnp.asarray(self.amplitude * jnp.clip((t - self.start) / self.duration, 0.0, 1.0))
+
+
+class Tone(eqx.Module):
+    """p = amplitude · sin(ω t + phase), for ever; over `rise` periods it grows from nothing, smoothly."""
+
+    amplitude: Number
+    pulsation: Number
+    phase: Number = 0.0
+    rise: Number = 0.0
+
+    def __check_init__(self) -> None:
+        check("pulsation", self.pulsation, "a number above 0", lambda x: x > 0)
+        check("rise", self.rise, "a number of periods, 0 or more", lambda x: x >= 0)
+
+    def __call__(self, t: Moment) -> jax.Array:
+        wave = jnp.sin(self.pulsation * t + self.phase)
+        periods = self.pulsation * t / (2 * jnp.pi)
+        risen = jnp.clip(periods / jnp.where(jnp.asarray(self.rise) > 0, self.rise, 1.0), 0.0, 1.0)
+        swell = jnp.where(jnp.asarray(self.rise) > 0, jnp.sin(jnp.pi / 2 * risen) ** 2, 1.0)
+        return jnp.asarray(self.amplitude * wave * swell)
+
+    @staticmethod
+    def from_si(amplitude: float, frequency: float, unit: Scales) -> "Tone":
+        """A tone of an amplitude [Pa] and a frequency [Hz]."""
+        return Tone(amplitude / unit.pressure, 2 * np.pi * frequency * unit.time)
+
+
+class Swing(eqx.Module):
+    """Pressure that swings between two values, from `low` to `high` and back once a period, without a corner."""
+
+    low: Number
+    high: Number
+    period: Number
+
+    def __check_init__(self) -> None:
+        check("period", self.period, "a time above 0", lambda x: x > 0)
+
+    def __call__(self, t: Moment) -> jax.Array:
+        risen = jnp.sin(jnp.pi * t / self.period) ** 2
+        return jnp.asarray(self.low + (self.high - self.low) * risen)
+
+
+class Pulse(eqx.Module):
+    """A burst of a whole number of cycles, named by its peak negative pressure.
+
+    It begins with the rarefaction, p = -A w(t) sin(ω t); A is such that the
+    lowest pressure is -`peak_negative` exactly, window included.
+
+    Args:
+        peak_negative: Size of the lowest pressure, a positive number [E d/R0].
+        pulsation: Of the carrier [1/time].
+        cycles: How many.
+        start: When it begins.
+        window: `hann`, or `flat` (a plain burst).
+
+    Example:
+        >>> import numpy as np
+        >>> from jshell.oscillator import Pulse
+        >>> pulse = Pulse(0.3, 2.0, 4)
+        >>> print(f"{float(np.min(pulse(np.linspace(0, 13, 20001)))):.6f}")
+        -0.300000
+    """
+
+    peak_negative: Number
+    pulsation: Number
+    cycles: int = eqx.field(static=True, default=3)
+    start: Number = 0.0
+    window: str = eqx.field(static=True, default="hann")
+
+    def __check_init__(self) -> None:
+        if self.window not in WINDOWS:
+            raise BadName(
+                f"window {self.window!r}", found="no such window", expected=" or ".join(WINDOWS), remedy="Choose one."
+            )
+        check("pulsation", self.pulsation, "a number above 0", lambda x: x > 0)
+        check("peak_negative", self.peak_negative, "a size, 0 or more", lambda x: x >= 0)
+        if self.cycles < 1:
+            raise BadValue("cycles", found=f"{self.cycles}", expected="1 or more", remedy="Count whole cycles.")
+
+    def __call__(self, t: Moment) -> jax.Array:
+        phase = jnp.asarray(self.pulsation * (t - self.start) / (2 * jnp.pi))  # in cycles
+        inside = (phase > 0) & (phase < self.cycles)
+        shape = jnp.sin(2 * jnp.pi * phase)
+        if self.window == "hann":
+            shape = shape * jnp.sin(jnp.pi * phase / self.cycles) ** 2
+        return jnp.asarray(-self.peak_negative / _crest(self.cycles, self.window) * jnp.where(inside, shape, 0.0))
+
+    @property
+    def duration(self) -> Number:
+        """How long it lasts."""
+        return 2 * np.pi * self.cycles / self.pulsation
+
+    @staticmethod
+    def from_si(
+        peak_negative: float, frequency: float, cycles: int, unit: Scales, *, start: float = 0.0, window: str = "hann"
+    ) -> "Pulse":
+        """A pulse of a peak negative pressure [Pa], a centre frequency [Hz] and cycles, beginning at a time [s]."""
+        pulsation = 2 * np.pi * frequency * unit.time
+        return Pulse(peak_negative / unit.pressure, pulsation, cycles, start / unit.time, window)
+
+
+@lru_cache(maxsize=64)
+def _crest(cycles: int, window: str) -> float:
+    """Highest value of the unit pulse's shape, to rounding: the highest sample, refined by a parabola."""
+    phase = np.linspace(0.0, cycles, 20000 * cycles + 1)
+    shape = np.sin(2 * np.pi * phase) * (np.sin(np.pi * phase / cycles) ** 2 if window == "hann" else 1.0)
+    k = int(np.argmax(shape))
+    left, top, right = shape[k - 1 : k + 2]
+    bend = left - 2 * top + right
+    return float(top - (right - left) ** 2 / (8 * bend)) if bend < 0 else float(top)
+
+
+class Recorded(eqx.Module):
+    """A pressure given at times, straight lines between; before and after it holds its end values.
+
+    Args:
+        times: (samples,) increasing.
+        values: (samples,) added pressure.
+    """
+
+    times: jax.Array | np.ndarray
+    values: jax.Array | np.ndarray
+
+    def __check_init__(self) -> None:
+        shapes = np.shape(self.times), np.shape(self.values)
+        if shapes[0] != shapes[1] or len(shapes[0]) != 1 or shapes[0][0] < 2:
+            raise BadShape(
+                "times, values",
+                found=f"shapes {shapes[0]} and {shapes[1]}",
+                expected="two lists of one length, at least 2",
+                remedy="Give one pressure per time.",
+            )
+        check("values", self.values, "finite pressures", lambda x: np.isfinite(x))
+        if not isinstance(self.times, Tracer) and not np.all(np.diff(np.asarray(self.times)) > 0):
+            raise BadValue("times", found="times that do not increase", expected="increasing times", remedy="Sort.")
+
+    def __call__(self, t: Moment) -> jax.Array:
+        return jnp.interp(t, jnp.asarray(self.times), jnp.asarray(self.values))
+
+
+class Together(eqx.Module):
+    """Several forcings at once; a tone upon a ramp, say."""
+
+    parts: tuple[Forcing, ...]
+
+    def __call__(self, t: Moment) -> jax.Array:
+        total = self.parts[0](t)
+        for part in self.parts[1:]:
+            total = total + part(t)
+        return total

@@ -1,0 +1,71 @@
+"""What is in an answer: its spectrum, harmonics and subharmonics.
+
+Symbols    ω pulsation [1/time]   order n: a tone at n ω; 1/2 is the subharmonic
+Valid for  evenly spaced samples; harmonics: a steady answer
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jshell.errors import BadValue
+from jshell.shell.parameters import Number
+
+ORDERS = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
+Samples = Float[Array, "times *batch"]
+
+
+class Spectrum(NamedTuple):
+    """Amplitudes over pulsations: a pure tone of amplitude 1 shows as 1 at its peak.
+
+    Attributes:
+        pulsation: (bins,) [1/time].
+        amplitude: (bins, *batch).
+    """
+
+    pulsation: Float[Array, " bins"]
+    amplitude: Float[Array, "bins *batch"]
+
+
+def spectrum(times: Float[Array, " times"], values: Samples, *, skip: Number = 0.0, finer: int = 1) -> Spectrum:
+    """Amplitude spectrum by a Hann window.
+
+    Args:
+        times: Evenly spaced.
+        values: Samples on the first axis; their mean is removed.
+        skip: Time at the start to leave out, while transients last. A concrete number.
+        finer: Bins per resolved one; more draw a smoother line.
+    """
+    first = int(jnp.searchsorted(times, times[0] + skip))
+    t, x = times[first:], values[first:]
+    if t.size < 8:
+        raise BadValue("skip", found=f"{t.size} samples left", expected="at least 8", remedy="Skip less.")
+    window = jnp.sin(jnp.pi * (jnp.arange(t.size) + 0.5) / t.size) ** 2
+    shaped = window.reshape(-1, *(1,) * (x.ndim - 1))
+    x = x - jnp.sum(shaped * x, axis=0) / jnp.sum(window)
+    pulsation = 2 * jnp.pi * jnp.fft.rfftfreq(finer * t.size, (t[-1] - t[0]) / (t.size - 1))
+    return Spectrum(pulsation, 2 * jnp.abs(jnp.fft.rfft(shaped * x, finer * t.size, axis=0)) / jnp.sum(window))
+
+
+def harmonics(
+    times: Float[Array, " times"],
+    values: Samples,
+    pulsation: Number,
+    orders: tuple[float, ...] = ORDERS,
+) -> Float[Array, "orders *batch"]:
+    """Amplitudes of a steady answer at multiples of the drive, by linear least squares.
+
+    Args:
+        times: Spanning at least two periods of the drive, so that the subharmonic fits in.
+        values: Samples on the first axis.
+        pulsation: Of the drive.
+        orders: Which multiples.
+    """
+    angle = pulsation * times[:, None] * jnp.asarray(orders)[None]
+    basis = jnp.concatenate([jnp.ones((times.size, 1)), jnp.cos(angle), jnp.sin(angle)], axis=1)
+    flat = values.reshape(times.size, -1)
+    found = jnp.linalg.lstsq(basis, flat)[0]
+    k = len(orders)
+    amplitude = jnp.hypot(found[1 : 1 + k], found[1 + k :])
+    return amplitude.reshape(k, *values.shape[1:])

@@ -1,0 +1,110 @@
+"""The verbs of the driven shell: drive, cycle, bifurcation, softening, sensitivity, design."""
+
+import json
+
+import pytest
+from scipy.io import loadmat
+from typer.testing import CliRunner
+
+from jshell.cli.main import app
+
+SHELL = ["--d-hat", "0.08", "--p0-hat", "0.9", "--pext-hat", "1.2", "--eta-hat", "0.02"]
+
+
+def _asked(*words: str) -> tuple[int, dict]:
+    found = CliRunner().invoke(app, [*words, "--json"])
+    return found.exit_code, json.loads(found.stdout.splitlines()[-1])
+
+
+def _refused(*words: str) -> str:
+    found = CliRunner().invoke(app, list(words))
+    assert found.exit_code == 2
+    return found.stderr
+
+
+def test_a_pulse_is_driven_drawn_and_exported(tmp_path):
+    mat, png = tmp_path / "a.mat", tmp_path / "a.png"
+    code, told = _asked("drive", *SHELL, "--forcing", "pulse", "--amplitude", "0.01", "--pulsation", "0.8",
+                        "--duration", "50", "--every", "0.5", "--out", str(mat), "--plot", str(png))  # fmt: skip
+    assert code == 0
+    assert told["outcome"] == "ok"
+    assert told["V_min_over_V0"] < told["V_rest_over_V0"] < told["V_max_over_V0"]
+    assert told["energy_imbalance"] < 1e-6
+    assert told["steps"]["accepted"] > 0
+    assert png.stat().st_size > 10_000
+    held = loadmat(mat)
+    assert held["V"].size == 101
+    assert held["P_ext"].min() == pytest.approx(1.19, abs=1e-3)
+
+
+@pytest.mark.slow
+def test_a_drive_that_unbuckles_exits_with_3():
+    code, told = _asked("drive", *SHELL, "--forcing", "step", "--amplitude", "-0.4", "--pulsation", "1",
+                        "--duration", "50", "--every", "0.5")  # fmt: skip
+    assert code == 3
+    assert told["outcome"] == "no_buckled_state"
+    assert told["ended_at"] > 0
+
+
+def test_kilopascals_need_si_conditions():
+    assert "--kpa" in _refused("drive", *SHELL, "--kpa", "50")
+
+
+def test_sensitivity_and_design_speak(tmp_path):
+    code, told = _asked("sensitivity", *SHELL, "--of", "omega_plus", "--plot", str(tmp_path / "e.png"))
+    assert code == 0
+    assert told["inputs"]["alpha1"]["elasticity"] < 0
+    assert len(told["one_shell_leaves_free"]) == 1
+    code, told = _asked("sensitivity", *SHELL, "--range", "alpha1=3,4", "--range", "alpha2=1,1.2", "--rows", "64")
+    assert code == 0
+    assert told["missing"] == 0
+    code, told = _asked("design", "--omega-minus", "0.8", "--omega-plus", "1.6")
+    assert code == 0
+    assert told["shells"][0]["d_hat"] > 0
+    assert "--range" in _refused("sensitivity", *SHELL, "--range", "alpha1=three,4")
+
+
+@pytest.mark.slow
+def test_a_cycle_buckles_and_unbuckles_and_is_drawn(tmp_path):
+    png = tmp_path / "h.png"
+    code, told = _asked("cycle", *SHELL, "--low", "0.8", "--high", "1.3", "--period", "60", "--cycles", "1",
+                        "--samples", "50", "--tau", "4", "--plot", str(png))  # fmt: skip
+    assert code == 0
+    assert [switch["buckles"] for switch in told["switches"]] == [True, False]
+    at = told["thresholds"]
+    assert 0.8 < at["unbuckling_pressure"] < at["buckling_pressure"] < 1.3
+    assert png.stat().st_size > 5_000
+    assert "--low" in _refused("cycle", *SHELL, "--low", "2", "--high", "1")
+
+
+def test_a_bifurcation_counts_what_ends_and_is_drawn(tmp_path):
+    png = tmp_path / "b.png"
+    code, told = _asked("bifurcation", *SHELL, "--lowest", "0.001", "--highest", "2", "--lanes", "3", "--pulsation",
+                        "1.1", "--periods", "30", "--keep", "10", "--plot", str(png))  # fmt: skip
+    assert code == 0
+    assert told["lanes"]["outcome"][0] == "ok"
+    assert told["lanes"]["outcome"][2] == "no_buckled_state"
+    assert told["lanes"]["volume_over_V0"][2][0] is None
+    assert png.stat().st_size > 5_000
+    assert "--lanes" in _refused("bifurcation", *SHELL, "--highest", "0.1", "--lanes", "1")
+
+
+def test_softening_stands_beside_the_simulator(tmp_path):
+    png = tmp_path / "s.png"
+    code, told = _asked("softening", "--points", "20", "--plot", str(png))
+    assert code == 0
+    assert told["slow"] == pytest.approx(4.53, abs=0.005)
+    assert told["simulated"][0]["omega"][0] == pytest.approx(0.595, abs=1e-3)
+    assert png.stat().st_size > 5_000
+    assert "--d-hat" in _refused("softening", "--d-hat", "-1")
+
+
+def test_the_next_experiment_is_ranked_and_drawn(tmp_path):
+    png = tmp_path / "n.png"
+    code, told = _asked("sensitivity", *SHELL, "--next", "0.08,0.9,1.2", "--next", "0.2,0.4,1.2", "--plot", str(png))
+    assert code == 0
+    # the shell that was measured already tells nothing new
+    assert told["gain"][1] > told["gain"][0]
+    assert told["best"]["d_hat"] == 0.2
+    assert png.stat().st_size > 5_000
+    assert "--next" in _refused("sensitivity", *SHELL, "--next", "0.1,0.9")
