@@ -1,12 +1,25 @@
 """From frequencies and traces to the constants of the short model, with their uncertainty."""
 
 from jshell.calibration import least_squares, losses, master_curve, trajectories, uncertainty
+from jshell.calibration.batch import fit_batch
+from jshell.calibration.batch_result import BatchResult
+from jshell.calibration.bootstrap import Bootstrap, bootstrap_frequencies
+from jshell.calibration.compare import Comparison, compare
+from jshell.calibration.estimate import Estimate, Start
+from jshell.calibration.inverse import fit_conditions
 from jshell.calibration.losses import trace_loss
 from jshell.calibration.master_curve import fit_frequencies
-from jshell.calibration.report import Estimate, FitResult, FitWarning, Start
+from jshell.calibration.nonlinear import NonlinearFits, fit_nonlinear
+from jshell.calibration.parameters import Prior
+from jshell.calibration.recordings import Recordings
+from jshell.calibration.refits import Refits
+from jshell.calibration.report import FitResult, FitWarning
+from jshell.calibration.stored import load
 from jshell.calibration.trajectories import fit_trajectories, prepare
 
 __all__ = [
-    "Estimate", "FitResult", "FitWarning", "Start", "fit_frequencies", "fit_trajectories", "least_squares", "losses",
-    "master_curve", "prepare", "trace_loss", "trajectories", "uncertainty",
+    "BatchResult", "Bootstrap", "Comparison", "Estimate", "FitResult", "FitWarning", "NonlinearFits", "Prior",
+    "Recordings", "Refits", "Start", "bootstrap_frequencies", "compare", "fit_batch", "fit_conditions",
+    "fit_frequencies", "fit_nonlinear", "fit_trajectories", "least_squares", "load", "losses", "master_curve",
+    "prepare", "trace_loss", "trajectories", "uncertainty",
 ]  # fmt: skip

@@ -42,11 +42,12 @@ class Frequencies(eqx.Module):
 
 @dataclass(frozen=True)
 class Prepared:
-    """A table ready to fit, and what was noticed on the way."""
+    """A table ready to fit, the columns that were read, and what was noticed on the way."""
 
     rows: Frequencies
     absolute: bool
     notes: tuple[str, ...]
+    columns: Mapping[str, np.ndarray]
 
 
 def prepare(table: Mapping[str, object]) -> Prepared:
@@ -108,7 +109,7 @@ def prepare(table: Mapping[str, object]) -> Prepared:
     volume, pressure = np.where(np.isfinite(volume), volume, 1.0), np.where(np.isfinite(pressure), pressure, 1.0)
     sigma = sigma if absolute else np.ones_like(sigma)
     rows = Frequencies(volume, pressure, kappa, 1 / (2 * (1 - nu)), omega, np.where(np.isfinite(sigma), sigma, 1.0))
-    return Prepared(rows, absolute, tuple(notes))
+    return Prepared(rows, absolute, tuple(notes), columns)
 
 
 def _rest(columns: dict, kappa: np.ndarray, nu: np.ndarray) -> tuple[np.ndarray, np.ndarray, str]:

@@ -5,7 +5,8 @@ is cut at them; an unknown that rests on a bound and is pushed outwards waits.
 Nothing is thrown: every start ends with an `Outcome`.
 
 Symbols    u unknowns   r residual   J = ∂r/∂u   λ damping of the step
-Source     Nielsen 1999, "Damping parameter in Marquardt's method", for λ
+Source     Nielsen 1999, "Damping parameter in Marquardt's method", for λ;
+           Transtrum & Sethna 2012, arXiv:1201.5885, for bent steps
 """
 
 from collections.abc import Callable
@@ -38,8 +39,8 @@ class Ending(eqx.Module):
     steps: Int[Array, "*starts"]
 
 
-def value_and_jacobian(function: Callable, at: Float[Array, " free"]) -> tuple[jax.Array, jax.Array]:
-    """A vector function and its Jacobian (values, free) in one forward sweep."""
+def value_and_jacobian(function: Callable, at: Float[Array, " free"]) -> tuple[Any, Any]:
+    """A function of arrays and its Jacobian (…, free) in one forward sweep."""
     push = lambda direction: jax.jvp(function, (at,), (direction,))  # noqa: E731
     return jax.vmap(push, out_axes=(None, -1))(jnp.eye(at.size))
 
@@ -52,9 +53,15 @@ def levenberg_marquardt(
     *,
     max_steps: int = 100,
     xtol: float = 1e-10,
-    ftol: float = 1e-14,
+    ftol: float = 1e-12,
+    damping: float | Float[Array, ""] = 1e-3,
+    bend: bool = False,
+    condensed: bool = False,
 ) -> Ending:
     """Minimise the sum of squared residuals from one start.
+
+    Whether it has converged is asked of the undamped step, never of the one
+    taken: short steps under heavy damping are no minimum.
 
     Args:
         residual: Function of the unknowns.
@@ -62,68 +69,100 @@ def levenberg_marquardt(
         low: Lower bounds, -inf where there is none.
         high: Upper bounds, inf where there is none.
         max_steps: Most steps tried.
-        xtol: Converged when no unknown moves by more than this part of its size.
-        ftol: Converged when a step promises less than this part of the cost.
+        xtol: Converged when the undamped step moves no unknown by more than this part of its size.
+        ftol: Converged when the undamped step promises less than this part of the cost.
+        damping: Of the first step, relative to the squared lengths of the Jacobian's columns.
+        bend: Bend steps along the residual's second derivative (geodesic acceleration): follows narrow curved
+            valleys; the residual must allow reverse mode.
+        condensed: The function gives rows of [J, r] instead, any with the QR factor of those of the data; no bends.
 
     Returns:
-        Outcome ok, at_bound, not_converged (out of steps) or stalled (no step helps).
+        Outcome ok, at_bound, not_converged (out of steps), stalled (no step helps) or not_finite (at the start).
     """
+    free = start.size
 
     def evaluate(u: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
-        r, J = value_and_jacobian(residual, u)
-        cost = r @ r
-        usable = jnp.isfinite(cost) & jnp.all(jnp.isfinite(J))
-        return jnp.where(usable, cost, jnp.inf), J.T @ r, J.T @ J
+        """Cost, and J = QR as R and Qᵀr: orthogonal steps keep the digits that JᵀJ loses."""
+        if condensed:
+            both = residual(u)
+        else:
+            r, J = value_and_jacobian(residual, u)
+            both = jnp.concatenate([J, r[:, None]], axis=1)
+        cost = both[:, -1] @ both[:, -1]
+        usable = jnp.isfinite(cost) & jnp.all(jnp.isfinite(both))
+        both = jnp.where(usable, both, 0.0)
+        pad = jnp.zeros((max(0, free + 1 - both.shape[0]), free + 1))
+        R = jnp.linalg.qr(jnp.concatenate([both, pad]), mode="r")
+        return jnp.where(usable, cost, jnp.inf), R[:free, :free], R[:free, free]
 
     def step(state):
-        u, cost, g, A, scale, damping, growth, count, _ = state
-        scale = jnp.maximum(scale, jnp.diag(A))
-        weight = jnp.where(scale > 0, scale, 1.0)
-        held = ((u <= low) & (g > 0)) | ((u >= high) & (g < 0))
+        """Judge the trial at hand, then draw up the next one from where that leaves us."""
+        u, cost, R, q, scale, damping, growth, count, _, (trial, promised, usable, verdict) = state
+        new_cost, new_R, new_q = evaluate(trial)
+        first = count < 0
+        better = first | ((new_cost < cost) & usable)
+        gain = (cost - new_cost) / jnp.where(promised > 0, promised, jnp.inf)
+        eased = damping * jnp.maximum(1 / 3, 1 - (2 * gain - 1) ** 3)
+        pick = lambda new, old: jnp.where(better, new, old)  # noqa: E731
+        u, cost, R, q = pick(trial, u), pick(new_cost, cost), pick(new_R, R), pick(new_q, q)
+        damping = jnp.where(first, damping, pick(jnp.maximum(eased, 1e-14), damping * growth))
+        growth = jnp.where(first, growth, pick(2.0, 2 * growth))
 
-        H = jnp.where(held[:, None] | held[None, :], 0.0, A) + jnp.diag(jnp.where(held, 1.0, damping * weight))
-        wanted = u - jnp.linalg.solve(H, jnp.where(held, 0.0, g))
+        length = jnp.linalg.norm(R, axis=0)
+        scale = jnp.maximum(scale, length)
+        weight = jnp.where(scale > 0, scale, 1.0)
+        g = R.T @ q
+        held = ((u <= low) & (g > 0)) | ((u >= high) & (g < 0)) | (low == high)
+        kept = jnp.where(held[None, :], 0.0, R) / weight[None, :]
+
+        # damped and undamped step from the same singular values, the undamped one in directions that the data know
+        left, s, right = jnp.linalg.svd(kept, full_matrices=False)
+        share = left.T @ q
+        straight = -(right.T @ (share * s / (s**2 + damping))) / weight
+        curved, gentle = jnp.zeros(free), jnp.asarray(True)
+        if bend:
+            once = lambda x: jax.jvp(residual, (x,), (straight,))[1]  # noqa: E731
+            twice = jax.jvp(once, (u,), (straight,))[1]
+            pull = jnp.where(held, 0.0, jax.vjp(residual, u)[1](twice)[0]) / weight
+            curved = -(right.T @ ((right @ pull) / (s**2 + damping))) / weight
+            gentle = jnp.linalg.norm(weight * curved) <= 0.75 * jnp.linalg.norm(weight * straight)
+            curved = jnp.where(gentle, curved, 0.0)
+        wanted = u + straight + curved / 2
         trial = jnp.clip(wanted, low, high)
         cut = jnp.any(trial != wanted)
         moved = trial - u
-        promised = -(2 * g @ moved + moved @ A @ moved)
+        ahead = R @ moved
+        promised = -(2 * g @ moved + ahead @ ahead)
 
-        new_cost, new_g, new_A = evaluate(trial)
-        better = (new_cost < cost) & (promised > 0)
-        gain = (cost - new_cost) / jnp.where(promised > 0, promised, jnp.inf)
-        eased = damping * jnp.maximum(1 / 3, 1 - (2 * gain - 1) ** 3)
+        known = s > 1e-14 * s[0]
+        share = jnp.where(known, share, 0.0)
+        undamped = right.T @ (share / jnp.where(known, s, 1.0)) / weight
+        inside = jnp.all((u - undamped >= low) & (u - undamped <= high))
+        still = jnp.all(jnp.abs(undamped) <= xtol * jnp.abs(u)) | jnp.all(jnp.abs(g) == 0)
+        flat = share @ share <= ftol * cost
 
         # a step cut at a bound may promise nothing; shorter ones, nearer to the gradient, then do
-        still = jnp.all(jnp.abs(moved) <= xtol * (0.1 + jnp.abs(u)))
-        flat = promised <= ftol * cost
         status = jnp.where(
-            (still | flat) & ~cut, int(Outcome.OK), jnp.where(damping > 1e16, int(Outcome.STALLED), RUNNING)
+            (still | flat) & (inside | ~cut), int(Outcome.OK), jnp.where(damping > 1e16, int(Outcome.STALLED), RUNNING)
         )
-        status = jnp.where(jnp.isfinite(cost), status, int(Outcome.STALLED))
-
-        pick = lambda new, old: jnp.where(better, new, old)  # noqa: E731
-        return (
-            pick(trial, u),
-            pick(new_cost, cost),
-            pick(new_g, g),
-            pick(new_A, A),
-            scale,
-            pick(jnp.maximum(eased, 1e-14), damping * growth),
-            pick(2.0, 2 * growth),
-            count + 1,
-            status,
-        )
+        # an unknown that once mattered and no longer does has run away to where the model is flat
+        status = jnp.where(jnp.any(length < 1e-12 * scale) & (status != RUNNING), int(Outcome.STALLED), status)
+        status = jnp.where(jnp.isfinite(cost), status, int(Outcome.NOT_FINITE))
+        usable = ((promised > 0) | bend) & gentle
+        return u, cost, R, q, scale, damping, growth, count + 1, verdict, (trial, promised, usable, status)
 
     def running(state) -> jax.Array:
-        return (state[-1] == RUNNING) & (state[-2] < max_steps)
+        *_, count, status, _ = state
+        return (status == RUNNING) & (count < max_steps)
 
-    cost, g, A = evaluate(start)
-    zero = jnp.asarray(0)
-    first = (start, cost, g, A, jnp.zeros_like(start), jnp.asarray(1e-3), jnp.asarray(2.0), zero, zero + RUNNING)
-    u, cost, *_, count, status = jax.lax.while_loop(running, step, first)
+    # the residual stands once in the program: the start is the first trial, and is always taken
+    zero, inf, square = jnp.asarray(0), jnp.asarray(jnp.inf), jnp.zeros((free, free))
+    trial = (start, -inf, jnp.asarray(True), zero + RUNNING)
+    begun = (start, inf, square, jnp.zeros(free), jnp.zeros(free), jnp.asarray(damping, float), jnp.asarray(2.0))
+    u, cost, *_, count, status, _ = jax.lax.while_loop(running, step, (*begun, zero - 1, zero + RUNNING, trial))
 
     status = jnp.where(status == RUNNING, int(Outcome.NOT_CONVERGED), status)
-    on_bound = jnp.any((u <= low) | (u >= high))
+    on_bound = jnp.any(((u <= low) | (u >= high)) & (low < high))
     status = jnp.where((status == int(Outcome.OK)) & on_bound, int(Outcome.AT_BOUND), status)
     return Ending(u, cost, status, count)
 
@@ -137,6 +176,9 @@ def from_many_starts(
     high: Float[Array, " free"],
     *,
     max_steps: int = 100,
+    damping: float = 1e-3,
+    bend: bool = False,
+    condensed: bool = False,
 ) -> Ending:
     """Minimise from every start; compiled once per shape.
 
@@ -147,11 +189,15 @@ def from_many_starts(
         low: Lower bounds.
         high: Upper bounds.
         max_steps: Most steps tried from each start.
+        damping: Of the first steps.
+        bend: Bend steps along narrow valleys, see `levenberg_marquardt`.
+        condensed: As there; such starts go one after the other.
     """
     solve = lambda start: levenberg_marquardt(  # noqa: E731
-        lambda u: residual(u, args), start, low, high, max_steps=max_steps
-    )
-    return jax.vmap(solve)(starts)
+        lambda u: residual(u, args), start, low, high, max_steps=max_steps, damping=damping, bend=bend,
+        condensed=condensed,
+    )  # fmt: skip
+    return jax.lax.map(solve, starts) if condensed else jax.vmap(solve)(starts)
 
 
 def best_of(ending: Ending, size: float) -> tuple[int, np.ndarray]:

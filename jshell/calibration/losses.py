@@ -21,6 +21,7 @@ from jshell.calibration.parameters import Unknowns
 from jshell.calibration.records import Record
 from jshell.oscillator.coefficients import Coefficients
 from jshell.oscillator.linear import (
+    exponential,
     frequencies_of_square,
     matrices,
     propagator,
@@ -33,6 +34,8 @@ from jshell.shell.elasticity import moduli
 LOSSES = ("strict", "modal")
 STRICT_NAMES = ("alpha1", "alpha2", "k_vs", "beta1", "beta2")
 MODAL_NAMES = ("alpha1", "alpha2", "k_vs_squared")
+PASSES = 3  # values, first and second derivatives
+LOST = 1e-14  # share of the largest squared length below which a direction of the basis is rounding
 
 
 class Problem(eqx.Module):
@@ -67,20 +70,28 @@ class Problem(eqx.Module):
         return (*MODAL_NAMES, *(f"tau[{i}]" if many else "tau" for i in range(1, len(self.records) + 1)))
 
 
-def bases(natural: Float[Array, " names"], problem: Problem) -> list[Float[Array, "data linear"]]:
-    """Weighted bases of the blocks that share linear parameters: one per trace (strict) or per channel (modal)."""
+def bases(
+    natural: Float[Array, " names"], problem: Problem, *, late: bool = False
+) -> list[Float[Array, "data linear"]]:
+    """Weighted bases of the blocks that share linear parameters: one per trace (strict) or per channel (modal).
+
+    Args:
+        natural: The constants.
+        problem: Records and how they are compared.
+        late: Whether the records' times begin later than the state that is eliminated.
+    """
     blocks = []
     for number, record in enumerate(problem.records):
         if problem.loss == "strict":
-            blocks.append(_strict_basis(natural, record, problem))
+            blocks.append(_strict_basis(natural, record, problem, late))
         else:
             plain = _modal_basis(natural[:3], natural[3 + number], record)
             blocks += [row[:, None] * plain for row in record.weight]
     return blocks
 
 
-def targets(problem: Problem) -> list[Float[Array, " data"]]:
-    """Weighted data of the same blocks."""
+def targets(problem: Problem) -> list[Float[Array | np.ndarray, " data"]]:
+    """Weighted data (data,) of the same blocks."""
     found = []
     for record in problem.records:
         rows = record.weight * record.data
@@ -90,15 +101,39 @@ def targets(problem: Problem) -> list[Float[Array, " data"]]:
 
 def projected(natural: Float[Array, " names"], problem: Problem) -> Float[Array, " data"]:
     """Weighted residual with the best linear parameters."""
-    left = []
-    for basis, data in zip(bases(natural, problem), targets(problem), strict=True):
-        unit = basis / jax.lax.stop_gradient(jnp.linalg.norm(basis, axis=0, keepdims=True))
-        gram = unit.T @ unit
-        r = data
-        for _ in range(2):  # the second pass gives back the digits that normal equations lose
-            r = r - unit @ jnp.linalg.solve(gram, unit.T @ r)
-        left.append(-r)
-    return jnp.concatenate(left)
+    return jnp.concatenate(
+        [left_over(basis, data) for basis, data in zip(bases(natural, problem), targets(problem), strict=True)]
+    )
+
+
+def left_over(basis: Float[Array, "data linear"], data: Float[Array | np.ndarray, " data"]) -> Float[Array, " data"]:
+    """What the best linear parameters leave, basis @ c - data."""
+    return basis @ best(basis, data) - data
+
+
+def best(basis: Float[Array, "data linear"], data: Float[Array | np.ndarray, " data"]) -> Float[Array, " linear"]:
+    """The best linear parameters.
+
+    The inverse of the Gram matrix counts as a constant: every pass of refinement with it gives one more
+    order of derivatives its full digits, value first, and the values those that normal equations lose.
+    """
+    size = jax.lax.stop_gradient(jnp.linalg.norm(basis, axis=0))
+    size = jnp.where(size > 0, size, 1.0)
+    unit = basis / size[None, :]
+    inverse = gram_inverse(jax.lax.stop_gradient(unit.T @ unit))
+    c = jnp.zeros(basis.shape[1])
+    for _ in range(PASSES):
+        c = c - inverse @ (unit.T @ (unit @ c - data))
+    return c / size
+
+
+def gram_inverse(gram: Float[Array, "linear linear"]) -> Float[Array, "linear linear"]:
+    """Inverse of a Gram matrix of columns of length one; directions lost to rounding are left out."""
+    finite = jnp.all(jnp.isfinite(gram))
+    power, vectors = jnp.linalg.eigh(jnp.where(finite, gram, jnp.eye(gram.shape[0])))
+    known = power > LOST * power[-1]
+    inverse = (vectors * jnp.where(known, 1 / jnp.where(known, power, 1.0), 0.0)[None, :]) @ vectors.T
+    return jnp.where(finite, inverse, jnp.nan)
 
 
 def residual(u: jax.Array, args: tuple[Unknowns, Problem]) -> jax.Array:
@@ -121,20 +156,15 @@ def full_residual(
     return jnp.concatenate([basis @ c - data for basis, c, data in rows])
 
 
-def best_linear(natural: Float[Array, " names"], problem: Problem) -> tuple[list[np.ndarray], np.ndarray]:
-    """Linear parameters at given constants, and their design matrix (data, all linear parameters)."""
-    found, blocks = [], [np.asarray(basis) for basis in _compiled_bases(natural, problem)]
-    for basis, data in zip(blocks, targets(problem), strict=True):
-        found.append(np.linalg.lstsq(basis, np.asarray(data), rcond=None)[0])
-    design = np.zeros((sum(b.shape[0] for b in blocks), sum(b.shape[1] for b in blocks)))
-    row = column = 0
-    for basis in blocks:
-        design[row : row + basis.shape[0], column : column + basis.shape[1]] = basis
-        row, column = row + basis.shape[0], column + basis.shape[1]
-    return found, design
+def best_linear(natural: Float[Array | np.ndarray, " names"], problem: Problem) -> list[np.ndarray]:
+    """Linear parameters at given constants, one array per block."""
+    return [np.asarray(c) for c in _best_linear(natural, problem)]
 
 
-_compiled_bases = eqx.filter_jit(bases)
+@eqx.filter_jit
+def _best_linear(natural: np.ndarray | jax.Array, problem: Problem) -> list[jax.Array]:
+    rows = zip(bases(jnp.asarray(natural), problem), targets(problem), strict=True)
+    return [best(basis, data) for basis, data in rows]
 
 
 def linear_names(problem: Problem) -> list[str]:
@@ -156,20 +186,22 @@ def strict_coefficients(natural: Float[Array, " names"], problem: Problem) -> Co
     return Coefficients(natural[0], natural[1], natural[2], natural[3], beta2, problem.dipole)
 
 
-def _strict_basis(natural: jax.Array, record: Record, problem: Problem) -> Float[Array, "data 6"]:
+def _strict_basis(natural: jax.Array, record: Record, problem: Problem, late: bool) -> Float[Array, "data 6"]:
     """Motion of V, then S, from each unit of the initial state; and a constant for each."""
     system = matrices(strict_coefficients(natural, problem), record.state, record.conditions)
-    count = record.elapsed.size
+    elapsed, count = jnp.asarray(record.elapsed), record.elapsed.size
     if problem.solver == "diffrax":
         options = (problem.rtol, problem.atol, problem.adjoint)
-        motion, _ = integrate(_advance, jnp.eye(4), record.elapsed, state_matrix(system), options)
+        motion, _ = integrate(_advance, jnp.eye(4), elapsed, state_matrix(system), options)
     elif record.uniform:
-        motion = uniform_propagator(system, record.elapsed[-1] / (count - 1), count)
+        motion = uniform_propagator(system, (elapsed[-1] - elapsed[0]) / (count - 1), count)
+        if late:
+            motion = motion @ exponential(state_matrix(system) * elapsed[0])
     else:
-        motion = propagator(system, record.elapsed)
+        motion = propagator(system, elapsed)
     constant = jnp.broadcast_to(jnp.eye(2)[:, None, :], (2, count, 2))
     both = jnp.concatenate([jnp.moveaxis(motion[:, :2, :], 1, 0), constant], axis=2)
-    return (record.weight[:, :, None] * both).reshape(2 * count, 6)
+    return (jnp.asarray(record.weight)[:, :, None] * both).reshape(2 * count, 6)
 
 
 def _advance(t, y, A):
@@ -188,7 +220,7 @@ def pulsations(constants: Float[Array, "3"], record: Record) -> Float[Array, "2"
 def _modal_basis(constants: jax.Array, tau: jax.Array, record: Record) -> Float[Array, "times 5"]:
     """A constant and two decaying sinusoids; Ω² = ω² - 1/τ², kept above a ten-thousandth."""
     frequency = jnp.sqrt(jnp.maximum(pulsations(constants, record) - 1 / tau**2, 1e-4))
-    t = record.elapsed
+    t = jnp.asarray(record.elapsed)
     decay = jnp.exp(-t / tau)
     slow, fast = frequency[0] * t, frequency[1] * t
     waves = [jnp.ones_like(t), decay * jnp.cos(slow), decay * jnp.sin(slow), decay * jnp.cos(fast)]

@@ -10,6 +10,7 @@ Valid for  undamped frequencies, ω² = Ω² + 1/τ²
 Source     Mokbel et al. 2021: eq:defw, fig:w
 """
 
+import dataclasses
 import warnings
 from collections.abc import Mapping
 
@@ -18,10 +19,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jshell.calibration.estimate import Estimate, starts_of
 from jshell.calibration.frequency_table import Frequencies, Prepared, prepare
 from jshell.calibration.least_squares import Ending, best_of, from_many_starts, value_and_jacobian
+from jshell.calibration.objective import Objective
 from jshell.calibration.parameters import Unknowns, unknowns
-from jshell.calibration.report import Estimate, FitResult, FitWarning, starts_of
+from jshell.calibration.report import FitResult, FitWarning
+from jshell.calibration.specification import Specification, versions
 from jshell.calibration.uncertainty import in_words, uncertainty
 from jshell.errors import BadName, BadValue, Outcome, RangeWarning
 from jshell.oscillator.linear import frequencies_of_square
@@ -167,7 +171,11 @@ def fit_frequencies(
     ending = from_many_starts(_residual, args, jnp.asarray(space.seen(natural)), *_limits(space))
     power = 2 if weighting == "V_e omega" else 4
     unit = V_size(rows) ** power
-    return _result(ready, space, weighting, ending, natural, measured, unit, [str(w.message) for w in caught])
+    found = _result(ready, space, weighting, ending, natural, measured, unit, [str(w.message) for w in caught])
+    given = Specification(
+        "frequencies", weighting=weighting, fix=dict(fix or {}), bounds=dict(bounds or {}), starts=starts, seed=seed
+    )
+    return dataclasses.replace(found, specification=given, versions=versions())
 
 
 def V_size(rows: Frequencies) -> float:
@@ -267,4 +275,6 @@ def _result(
         starts=starts_of(ending, natural, same),
         notes=tuple(notes),
         warnings=tuple(texts),
+        table=ready.columns,
+        objective=Objective(_residual, (space, rows, weighting), space, values, ready.absolute, measured),
     )

@@ -1,10 +1,15 @@
-"""What a fit may change: free, fixed and bounded parameters.
+"""What a fit may change: free, fixed, bounded and tied parameters, and what is known of them beforehand.
 
 Masses and damping are positive, so the solver sees their logarithms; the
 coupling it sees as it is. Results and errors are always of the parameter itself.
+A tied parameter is a function of the others; its error follows by the delta method.
 """
 
-from collections.abc import Mapping
+import ast
+import operator
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -14,6 +19,96 @@ from jaxtyping import Array, Float
 
 from jshell.errors import BadName, BadValue
 
+Tie = Callable[[Mapping[str, jax.Array]], jax.Array]
+
+_OPERATIONS = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.Pow: operator.pow,
+}
+_FUNCTIONS = {"sqrt": jnp.sqrt, "exp": jnp.exp, "log": jnp.log}
+
+
+@dataclass(frozen=True)
+class Prior:
+    """What is known of a parameter before the data: a mean and a standard error, both in its own unit."""
+
+    mean: float | int
+    sigma: float | int
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.mean) and np.isfinite(self.sigma) and self.sigma > 0):
+            raise BadValue(
+                "prior",
+                found=f"mean {self.mean:g}, sigma {self.sigma:g}",
+                expected="finite numbers, sigma above 0",
+                remedy="Fix the parameter if it is known exactly.",
+            )
+
+
+@dataclass(frozen=True)
+class Expression:
+    """A tie written as arithmetic of other parameters: `0.3*alpha1`, `beta1[1]`, `sqrt(alpha2)`.
+
+    Raises:
+        BadValue: Anything but numbers, parameters, + - * / ** and sqrt, exp, log.
+    """
+
+    text: str
+
+    def __post_init__(self) -> None:
+        try:
+            tree = ast.parse(self.text.strip(), mode="eval").body
+        except SyntaxError:
+            raise self._refused(repr(self.text)) from None
+        self._names(tree)
+
+    def __call__(self, known: Mapping[str, jax.Array]) -> jax.Array:
+        return jnp.asarray(self._value(ast.parse(self.text.strip(), mode="eval").body, known), dtype=float)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The parameters it reads."""
+        return tuple(dict.fromkeys(self._names(ast.parse(self.text.strip(), mode="eval").body)))
+
+    def _names(self, node: ast.expr) -> list[str]:
+        match node:
+            case ast.Constant(value=int() | float()):
+                return []
+            case ast.Name(id=name):
+                return [name]
+            case ast.Subscript(value=ast.Name(id=name), slice=ast.Constant(value=int(number))):
+                return [f"{name}[{number}]"]
+            case ast.BinOp(left=left, op=op, right=right) if type(op) in _OPERATIONS:
+                return self._names(left) + self._names(right)
+            case ast.UnaryOp(op=ast.USub(), operand=operand):
+                return self._names(operand)
+            case ast.Call(func=ast.Name(id=name), args=[argument], keywords=[]) if name in _FUNCTIONS:
+                return self._names(argument)
+        raise self._refused(f"{ast.unparse(node)!r} in {self.text!r}")
+
+    def _value(self, node: ast.expr, known: Mapping[str, jax.Array]):
+        match node:
+            case ast.Constant(value=int() | float() as value):
+                return float(value)
+            case ast.BinOp(left=left, op=op, right=right):
+                return _OPERATIONS[type(op)](self._value(left, known), self._value(right, known))
+            case ast.UnaryOp(operand=operand):
+                return -self._value(operand, known)
+            case ast.Call(func=ast.Name(id=name), args=[argument]):
+                return _FUNCTIONS[name](jnp.asarray(self._value(argument, known)))
+        return known[self._names(node)[0]]
+
+    def _refused(self, found: str) -> BadValue:
+        return BadValue(
+            "tie",
+            found=found,
+            expected="arithmetic of numbers and parameters with + - * / ** sqrt exp log",
+            remedy='Write e.g. tie={"alpha2": "0.3*alpha1"}, or give a function of a mapping.',
+        )
+
 
 class Unknowns(eqx.Module):
     """The parameters of a model, and which of them are free.
@@ -22,9 +117,10 @@ class Unknowns(eqx.Module):
         names: All parameters, in the model's order.
         free: Those the solver changes.
         positive: Those it changes through their logarithm.
-        fixed: (names,) values of the fixed ones; ignored where free.
+        fixed: (names,) values of the fixed ones; ignored where free or tied.
         low: (free,) lower bounds, as the solver sees them.
         high: (free,) upper bounds, as the solver sees them.
+        tied: Parameters that follow from others, in the order in which they are worked out.
     """
 
     names: tuple[str, ...] = eqx.field(static=True)
@@ -33,17 +129,28 @@ class Unknowns(eqx.Module):
     fixed: np.ndarray | jax.Array
     low: np.ndarray | jax.Array
     high: np.ndarray | jax.Array
+    tied: tuple[tuple[str, Tie], ...] = eqx.field(static=True, default=())
 
-    def natural(self, unknowns: Float[Array, " free"]) -> Float[Array, " names"]:
-        """All parameters, from what the solver sees."""
+    def natural(self, unknowns: Float[Array | np.ndarray, " free"]) -> Any:
+        """All parameters (names,), from what the solver sees; of NumPy where that is given and nothing is tied."""
+        numbers = np if isinstance(unknowns, np.ndarray) else jnp
         values = []
         for i, name in enumerate(self.names):
             if name not in self.free:
-                values.append(jnp.asarray(self.fixed[i], dtype=float))
+                values.append(numbers.asarray(self.fixed[i], dtype=float))
             else:
                 u = unknowns[self.free.index(name)]
-                values.append(jnp.exp(u) if name in self.positive else u)
-        return jnp.stack(values)
+                values.append(numbers.exp(u) if name in self.positive else u)
+        return self.complete(numbers.stack(values))
+
+    def complete(self, values: Float[Array | np.ndarray, " names"]) -> Any:
+        """All parameters (names,) with the tied ones worked out from the others."""
+        for name, tie in self.tied:
+            values = jnp.asarray(values)
+            known = dict(zip(self.names, values, strict=True))
+            value = jnp.asarray(tie(known), dtype=float).reshape(())
+            values = values.at[self.names.index(name)].set(value)
+        return values
 
     def seen(self, natural: np.ndarray) -> np.ndarray:
         """What the solver sees, (starts, free), of (starts, names) values; kept inside the bounds."""
@@ -53,40 +160,66 @@ class Unknowns(eqx.Module):
             columns.append(np.log(np.maximum(values, 1e-12)) if name in self.positive else values)
         return np.clip(np.stack(columns, axis=1), self.low, self.high)
 
+    def slopes(self, values: np.ndarray) -> np.ndarray:
+        """(names, free) how all parameters follow the free ones, both as they are reported."""
+        at = [self.names.index(name) for name in self.free]
+        plain = np.eye(len(self.names))[:, at]
+        if not self.tied:
+            return plain
+        move = lambda free: self.complete(jnp.asarray(values).at[jnp.asarray(at)].set(free))  # noqa: E731
+        return np.asarray(jax.jacfwd(move)(jnp.asarray(values)[jnp.asarray(at)]))
+
 
 def unknowns(
     names: tuple[str, ...],
     positive: frozenset[str],
     fix: Mapping[str, float] | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
+    tie: Mapping[str, str | Tie] | None = None,
 ) -> Unknowns:
-    """The parameters of a model, some fixed, some bounded.
+    """The parameters of a model, some fixed, some bounded, some tied.
 
     Args:
         names: All parameters.
         positive: Those that cannot be negative.
         fix: Values of the fixed ones.
-        bounds: Lowest and highest value of any.
+        bounds: Lowest and highest value of any free one.
+        tie: Functions of the others, as arithmetic or as a function of a mapping from name to value.
 
     Raises:
         BadName: A parameter that the model does not have.
-        BadValue: Nothing left free; a value or a bound that the parameter cannot take.
+        BadValue: Nothing left free; a value or a bound that the parameter cannot take; a tie to itself.
     """
-    fix, bounds = dict(fix or {}), dict(bounds or {})
-    for name in (*fix, *bounds):
-        if name not in names:
-            raise BadName(
-                f"parameter {name!r}",
-                found="no such parameter",
-                expected="one of " + ", ".join(names),
-                remedy="Check the spelling.",
+    fix, bounds, tie = dict(fix or {}), dict(bounds or {}), dict(tie or {})
+    for place, given in (("fix", fix), ("bounds", bounds), ("tie", tie)):
+        for name in given:
+            if name not in names:
+                raise BadName(
+                    f"{place}[{name!r}]",
+                    found=f"no parameter {name!r} in this fit",
+                    expected="one of " + ", ".join(names),
+                    remedy="Check the spelling; a parameter of one trace is written name[number].",
+                )
+    for name in tie:
+        if name in fix or name in bounds:
+            raise BadValue(
+                f"tie[{name!r}]",
+                found="also fixed or bounded",
+                expected="one of the three",
+                remedy="A tied parameter has no value or bound of its own.",
             )
-    free = tuple(name for name in names if name not in fix)
+    free = tuple(name for name in names if name not in fix and name not in tie)
     if not free:
-        raise BadValue("fix", found="every parameter fixed", expected="a free one", remedy="Free a parameter.")
+        raise BadValue(
+            "fix",
+            found="every parameter fixed: " + ", ".join(f"{k} = {v:g}" for k, v in fix.items()),
+            expected="at least one of " + ", ".join(names) + " free",
+            remedy="Leave one out of `fix`.",
+        )
     for name, value in fix.items():
         if not np.isfinite(value) or (name in positive and value < 0):
-            raise BadValue(f"fix[{name!r}]", found=f"{value:g}", expected="a value it can take", remedy="Check it.")
+            expected = f"a finite number{' of at least 0' if name in positive else ''} for {name}"
+            raise BadValue(f"fix[{name!r}]", found=f"{value:g}", expected=expected, remedy="Check sign and unit.")
 
     low, high = [], []
     for name in free:
@@ -103,4 +236,30 @@ def unknowns(
         low.append(least)
         high.append(most)
     fixed = np.array([float(fix.get(name, 1.0)) for name in names])
-    return Unknowns(names, free, positive, fixed, np.array(low), np.array(high))
+    return Unknowns(names, free, positive, fixed, np.array(low), np.array(high), _in_order(names, tie))
+
+
+def _in_order(names: tuple[str, ...], tie: Mapping[str, str | Tie]) -> tuple[tuple[str, Tie], ...]:
+    """Ties so ordered that each reads only what is worked out before it."""
+    ready: list[tuple[str, Tie]] = []
+    waiting = {name: Expression(given) if isinstance(given, str) else given for name, given in tie.items()}
+    for name, given in waiting.items():
+        for read in given.names if isinstance(given, Expression) else ():
+            if read not in names:
+                raise BadName(
+                    f"tie[{name!r}]",
+                    found=f"no parameter {read!r} in this fit",
+                    expected="others of " + ", ".join(names),
+                    remedy="Check the spelling.",
+                )
+    while waiting:
+        open_ = [n for n, g in waiting.items() if not isinstance(g, Expression) or not set(g.names) & set(waiting)]
+        if not open_:
+            raise BadValue(
+                "tie",
+                found="a circle: " + ", ".join(waiting),
+                expected="ties that end at free or fixed parameters",
+                remedy="Free one of them.",
+            )
+        ready += [(name, waiting.pop(name)) for name in open_]
+    return tuple(ready)

@@ -19,6 +19,7 @@ from jshell.signals import MEASURED, ring_down_start
 from jshell.trace import Trace
 
 EQUILIBRIA = ("plateau", "trace")
+MISSING = ("refuse", "drop")
 SMALLEST_NOISE = 1e-3  # of a channel's scatter: cleaner records are all weighed alike
 REST_TOLERANCE = 0.01
 
@@ -36,21 +37,39 @@ class Record(eqx.Module):
         uniform: Whether the times are an even grid.
     """
 
-    elapsed: jax.Array
-    data: jax.Array
-    weight: jax.Array
+    elapsed: np.ndarray | jax.Array
+    data: np.ndarray | jax.Array
+    weight: np.ndarray | jax.Array
     conditions: Reduced
     state: RestState
     channels: tuple[str, ...] = eqx.field(static=True)
     uniform: bool = eqx.field(static=True)
 
 
-def windowed(traces: Trace | Sequence[Trace], start: float | None, stop: float | None) -> list[Trace]:
-    """The traces inside the window, each with its conditions.
+def windowed(
+    traces: Trace | Sequence[Trace],
+    start: float | None,
+    stop: float | None,
+    *,
+    drop: Sequence[tuple[float, float]] = (),
+    missing: str = "refuse",
+) -> list[Trace]:
+    """The traces inside the window, each with its conditions; samples left out are NaN.
+
+    Args:
+        traces: One or several.
+        start, stop: The window.
+        drop: Spans of time whose samples are left out.
+        missing: What becomes of samples that are NaN: `refuse` or `drop`.
 
     Raises:
+        BadName: No such `missing`.
         BadValue: No conditions, or fewer than 16 samples, or numbers that are not finite.
     """
+    if missing not in MISSING:
+        raise BadName(
+            f"missing {missing!r}", found="no such choice", expected=" or ".join(MISSING), remedy="Choose one."
+        )
     listed = [traces] if isinstance(traces, Trace) else list(traces)
     if not listed:
         raise BadValue("traces", found="none", expected="at least one trace", remedy="Give a trace.")
@@ -73,8 +92,45 @@ def windowed(traces: Trace | Sequence[Trace], start: float | None, stop: float |
                 expected="at least 16, at increasing times",
                 remedy="Widen the window.",
             )
-        found.append(cut)
+        found.append(_without(cut, number, drop, missing))
     return found
+
+
+def _without(trace: Trace, number: int, drop: Sequence[tuple[float, float]], missing: str) -> Trace:
+    """The trace with NaN in the spans to drop; refused where it holds NaN of its own."""
+    for name, values in trace.channels.items():
+        wrong = ~np.isfinite(np.asarray(values, dtype=float))
+        if wrong.any() and missing == "refuse":
+            raise BadValue(
+                f"trace {number}, channel {name!r}, sample {int(np.argmax(wrong)) + 1} of the window",
+                found=f"{float(np.asarray(values)[np.argmax(wrong)])}",
+                expected="numbers",
+                remedy='Leave such samples out with missing="drop".',
+            )
+    if not drop and missing == "refuse":
+        return trace
+    times = np.asarray(trace.times, dtype=float)
+    lost = np.zeros(times.size, dtype=bool)
+    for first, last in drop:
+        lost |= (times >= first) & (times <= last)
+    channels = {}
+    for name, values in trace.channels.items():
+        numbers = np.asarray(values, dtype=float)
+        channels[name] = np.where(lost | ~np.isfinite(numbers), np.nan, numbers)
+        if np.isfinite(channels[name]).sum() < 16:
+            raise BadValue(
+                f"trace {number}, channel {name!r}",
+                found=f"{np.isfinite(channels[name]).sum()} samples left",
+                expected="at least 16",
+                remedy="Drop less.",
+            )
+    return Trace(trace.times, channels, trace.conditions, trace.sigma, trace.outcome, trace.settings, trace.scales)
+
+
+def filled(times: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """The values with straight lines over the samples that were left out; for first guesses only."""
+    known = np.isfinite(values)
+    return values if known.all() else np.interp(times, times[known], values[known])
 
 
 def chosen_channels(
@@ -116,10 +172,10 @@ def chosen_channels(
 
 def _refuse_still(values: np.ndarray, name: str, number: int) -> None:
     """A channel that does not move says nothing of any constant."""
-    if np.std(values) <= 1e-9 * np.max(np.abs(values)):
+    if np.nanstd(values) <= 1e-9 * np.nanmax(np.abs(values)):
         raise BadValue(
             f"trace {number}, channel {name!r}",
-            found=f"the constant {values[0]:g} in the window",
+            found=f"the constant {np.nanmean(values):g} in the window",
             expected="a motion",
             remedy="Choose another channel, or a window in which the shell rings.",
         )
@@ -131,7 +187,11 @@ def noise_of(values: np.ndarray) -> float:
     The motion hardly survives six differences where it is sampled ten times a
     period or more; coarser, this is an upper bound.
     """
-    return float(np.sqrt(np.mean(np.diff(values, 6) ** 2) / 924.0))  # 924 = (12 choose 6)
+    differences = np.diff(values, 6)
+    differences = differences[np.isfinite(differences)]
+    if not differences.size:
+        return 0.0
+    return float(np.sqrt(np.mean(differences**2) / 924.0))  # 924 = (12 choose 6)
 
 
 def rest_state(trace: Trace, offset: float | None, equilibrium: str, number: int) -> tuple[RestState, tuple[str, ...]]:
@@ -180,23 +240,22 @@ def rest_state(trace: Trace, offset: float | None, equilibrium: str, number: int
 
 
 def record(trace: Trace, channels: tuple[str, ...], state: RestState) -> Record:
-    """A trace with weights: 1/σ where given, else one over each channel's own noise."""
+    """A trace with weights: 1/σ where given, else one over each channel's own noise; 0 where a sample is left out."""
     times = np.asarray(trace.times, dtype=float)
     uniform = is_uniform(times)
     data = np.stack([np.asarray(trace[name], dtype=float) for name in channels])
-    if not np.all(np.isfinite(data)):
-        raise BadValue("trace", found="a sample that is not finite", expected="numbers", remedy="Cut it out.")
+    known = np.isfinite(data)
     weight = []
-    for name, values in zip(channels, data, strict=True):
+    for name, values, used in zip(channels, data, known, strict=True):
         if name in trace.sigma:
             sigma = np.broadcast_to(np.asarray(trace.sigma[name], dtype=float), values.shape)
             if not np.all(sigma > 0):
                 raise BadValue(f"sigma[{name!r}]", found="a value not above 0", expected="σ > 0", remedy="Check it.")
         else:
-            floor = SMALLEST_NOISE * values.std()
+            floor = SMALLEST_NOISE * values[used].std()
             sigma = np.full(values.shape, max(noise_of(values) if uniform else 0.0, floor, 1e-300))
-        weight.append(1 / sigma)
-    number = lambda x: jnp.asarray(x, dtype=float)  # noqa: E731
+        weight.append(np.where(used, 1 / sigma, 0.0))
+    number = np.float64  # of NumPy: what is done outside the solver then compiles nothing
     c = trace.conditions
     assert c is not None
     conditions = Reduced(
@@ -207,6 +266,5 @@ def record(trace: Trace, channels: tuple[str, ...], state: RestState) -> Record:
         number(c.kappa),
         number(c.poisson_ratio),
     )
-    state = RestState(number(state.volume), number(state.pressure))
-    elapsed = number(times - times[0])
-    return Record(elapsed, number(data), number(np.stack(weight)), conditions, state, channels, uniform)
+    state = RestState(*(np.asarray(x, dtype=float)[()] for x in state))  # pyright: ignore[reportArgumentType]
+    return Record(times - times[0], np.where(known, data, 0.0), np.stack(weight), conditions, state, channels, uniform)

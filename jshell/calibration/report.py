@@ -7,87 +7,37 @@ Symbols    χ² sum of squared weighted residuals   N data   k varied parameters
            AIC = N ln(χ²/N) + 2k   BIC = N ln(χ²/N) + k ln N
 """
 
-import html
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy.special
 
-from jshell.calibration.least_squares import Ending
-from jshell.errors import BadName, NotOk, Outcome
+from jshell.calibration.estimate import Estimate, Start
+from jshell.calibration.noise import Noise
+from jshell.calibration.objective import Objective
+from jshell.calibration.specification import Specification
+from jshell.errors import BadName, BadValue, NotOk, Outcome
 from jshell.oscillator.coefficients import Coefficients
+from jshell.trace import Trace
+
+if TYPE_CHECKING:
+    from jshell.calibration.posterior import Posterior
+    from jshell.calibration.profile import Profile
+    from jshell.calibration.refits import Refits
 
 
 class FitWarning(UserWarning):
     """A fit that ended, with something a reader must know."""
 
 
-@dataclass(frozen=True)
-class Estimate:
-    """One parameter or derived number.
-
-    Attributes:
-        name: Its key.
-        value: Its value.
-        stderr: Standard error; NaN where there is none.
-        reason: Why the error is missing.
-        start: Value of the best start; NaN where it needs none.
-        role: `constant`, `fixed`, `nuisance` (belongs to one trace) or `derived`.
-    """
-
-    name: str
-    value: float
-    stderr: float = float("nan")
-    reason: str = ""
-    start: float = float("nan")
-    role: str = "constant"
-
-    def line(self, width: int) -> str:
-        """`name: value ± error (percent) (start = …)`."""
-        head = f"{self.name + ':':{width + 1}} {self.value: .7g}"
-        if self.role == "fixed":
-            return f"{head} (fixed)"
-        if np.isfinite(self.stderr):
-            percent = f" ({abs(100 * self.stderr / self.value):.2f}%)" if self.value else ""
-            head += f" ± {self.stderr:.4g}{percent}"
-        else:
-            head += f" (no error: {self.reason or 'not asked for'})"
-        return head + (f" (start = {self.start:.5g})" if np.isfinite(self.start) else "")
-
-
-@dataclass(frozen=True)
-class Start:
-    """How one start ended."""
-
-    values: tuple[float, ...]
-    cost: float
-    outcome: Outcome
-    steps: int
-    agrees: bool
-
-
-def starts_of(ending: Ending, natural: np.ndarray, same: np.ndarray) -> tuple[Start, ...]:
-    """How every start ended.
-
-    Args:
-        ending: Of the solver.
-        natural: (starts, parameters) where each began.
-        same: Which ended in the best minimum.
-    """
-    return tuple(
-        Start(
-            tuple(float(x) for x in values),
-            float(ending.cost[i]),
-            Outcome(int(ending.outcome[i])),
-            int(ending.steps[i]),
-            bool(same[i]),
-        )
-        for i, values in enumerate(natural)
-    )
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FitResult:
     """What a fit found.
+
+    Two results are equal where their records are, to the bit.
 
     Attributes:
         title: What was fitted, by what.
@@ -107,6 +57,12 @@ class FitResult:
         notes: What the reader should know of the method.
         warnings: What the reader must know.
         dipole: Convention of beta2.
+        noise: What was left of every channel of every trace, tested.
+        traces: The traces that were fitted, inside their windows.
+        table: The columns of frequencies that were fitted.
+        specification: What was asked.
+        versions: Of jshell and of what it stands on.
+        objective: What was minimised, for profiles and the like; a result read from a file has none.
     """
 
     title: str
@@ -126,6 +82,12 @@ class FitResult:
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     dipole: str = "corrected"
+    noise: tuple[Noise, ...] = ()
+    traces: tuple[Trace, ...] = ()
+    table: Mapping[str, np.ndarray] = field(default_factory=dict)
+    specification: Specification | None = None
+    versions: tuple[tuple[str, str], ...] = ()
+    objective: Objective | None = field(default=None, repr=False)
     statistics: tuple[tuple[str, float], ...] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -145,6 +107,25 @@ class FitResult:
                 f"parameter {name!r}", found="no such parameter", expected=", ".join(known), remedy="Choose one."
             )
         return known[name]
+
+    def interval(self, name: str, level: float | int = 0.95) -> tuple[float, float]:
+        """Value ± error times Student's factor; where noise remembers, for the samples of white noise it is worth.
+
+        Args:
+            name: Of an estimate.
+            level: Of confidence.
+
+        Returns:
+            NaN, NaN where there is no error. Parabolic: for asymmetric intervals see `profile`.
+        """
+        factor = float(scipy.special.stdtrit(self.freedom, (1 + level) / 2))
+        return self[name].value - factor * self[name].stderr, self[name].value + factor * self[name].stderr
+
+    @property
+    def freedom(self) -> float:
+        """Degrees of freedom: data, or what they are worth in white noise, less parameters; at least 4."""
+        worth = sum(one.effective for one in self.noise) if self.noise else self.n_data
+        return float(max(4.0, worth - self.n_varied))
 
     @property
     def reduced_chi_square(self) -> float:
@@ -166,6 +147,78 @@ class FitResult:
             found["alpha1"], found["alpha2"], found["k_vs"], found.get("beta1", 0.0), found.get("beta2"), self.dipole
         )
 
+    def __eq__(self, other: object) -> bool:
+        from jshell.calibration.stored import stored
+
+        return isinstance(other, FitResult) and stored(self) == stored(other)
+
+    __hash__ = None  # pyright: ignore[reportAssignmentType]
+
+    def save(self, path: str | Path) -> Path:
+        """Write the result, its data and what was asked as one JSON file; `jshell.load` reads it.
+
+        Raises:
+            BadFile: Nothing can be written there.
+        """
+        from jshell.calibration.stored import save
+
+        return save(self, path)
+
+    def to_netcdf(self, path: str | Path) -> Path:
+        """Export the result as NetCDF groups, for xarray.
+
+        Raises:
+            MissingExtra: Without the extra `io`.
+        """
+        from jshell.calibration.stored import export
+
+        return export(self, path)
+
+    def profile(self, names: "tuple[str, ...] | list[str] | None" = None, *, level: float | int = 0.95) -> "Profile":
+        """Asymmetric intervals by profile likelihood; see `jshell.calibration.profile`."""
+        from jshell.calibration.profile import profile
+
+        return profile(self, names, level=level)
+
+    def bootstrap(self, count: int = 500, *, seed: int = 0, kind: str = "auto") -> "Refits":
+        """Refits of data drawn again; see `jshell.calibration.refits.bootstrap`."""
+        from jshell.calibration.refits import bootstrap
+
+        return bootstrap(self, count, seed=seed, kind=kind)
+
+    def posterior(self, draws: int = 1000, *, warmup: int = 500, chains: int = 2, seed: int = 0) -> "Posterior":
+        """Draws from the posterior by NUTS; see `jshell.calibration.posterior`."""
+        from jshell.calibration.posterior import posterior
+
+        return posterior(self, draws, warmup=warmup, chains=chains, seed=seed)
+
+    def to_lmfit(self):
+        """The same problem for lmfit: a Minimizer whose parameters start at this minimum."""
+        from jshell.calibration.bridges import to_lmfit
+
+        return to_lmfit(self)
+
+    def to_minuit(self):
+        """The same problem for iminuit: a Minuit at this minimum, with gradient."""
+        from jshell.calibration.bridges import to_minuit
+
+        return to_minuit(self)
+
+    def asked(self) -> Objective:
+        """What was minimised.
+
+        Raises:
+            BadValue: The result was read from a file, which holds no program: fit again.
+        """
+        if self.objective is None:
+            raise BadValue(
+                "result",
+                found="no objective: the result was read from a file",
+                expected="a result of a fit in this process",
+                remedy="Fit result.traces again with the options in result.specification.",
+            )
+        return self.objective
+
     def require_ok(self) -> "FitResult":
         """The same result, or `NotOk`."""
         if self.outcome != Outcome.OK:
@@ -174,45 +227,9 @@ class FitResult:
 
     def record(self) -> dict:
         """The result as a JSON object; missing numbers are null."""
-        number = lambda x: float(x) if np.isfinite(x) else None  # noqa: E731
+        from jshell.calibration.pages import record
 
-        def row(e: Estimate) -> dict:
-            return {
-                "name": e.name,
-                "value": number(e.value),
-                "stderr": number(e.stderr),
-                "reason": e.reason,
-                "start": number(e.start),
-                "role": e.role,
-            }
-
-        return {
-            "title": self.title,
-            "outcome": self.outcome.word,
-            "estimates": [row(e) for e in self.estimates],
-            "derived": [row(e) for e in self.derived],
-            "varied": list(self.varied),
-            "correlation": [[number(x) for x in line] for line in self.correlation],
-            "covariance": [[number(x) for x in line] for line in self.covariance],
-            **{name: number(value) for name, value in self.statistics},
-            "n_data": self.n_data,
-            "n_varied": self.n_varied,
-            "errors": "absolute" if self.absolute else "scaled",
-            "dipole": self.dipole,
-            "free_directions": list(self.free_directions),
-            "starts": [
-                {
-                    "values": [number(x) for x in start.values],
-                    "cost": number(start.cost),
-                    "outcome": start.outcome.word,
-                    "steps": start.steps,
-                    "agrees": start.agrees,
-                }
-                for start in self.starts
-            ],
-            "notes": list(self.notes),
-            "warnings": list(self.warnings),
-        }
+        return record(self)
 
     def report(self, *, nuisance: bool = False, smallest_correlation: float = 0.1) -> str:
         """The result as text.
@@ -221,79 +238,15 @@ class FitResult:
             nuisance: Also list what belongs to single traces.
             smallest_correlation: Correlations below are not listed.
         """
-        scaled = "given σ, absolute" if self.absolute else "no σ given, scaled by reduced χ²"
-        lines = [
-            f"[[{self.title}]]",
-            f"    outcome             {self.outcome.word}: {self.outcome.advice}",
-            "[[Fit statistics]]",
-            f"    data                {self.n_data}",
-            f"    varied              {self.n_varied} ({len(self.varied)} constants)",
-            *(f"    {name.replace('_', ' '):19} {value:.8g}" for name, value in self.statistics),
-            f"    errors              {scaled}",
-        ]
-        hidden = 0 if nuisance else sum(e.role == "nuisance" for e in self.estimates)
-        shown = [e for e in self.estimates if nuisance or e.role != "nuisance"]
-        lines += ["[[Constants]]", *_table(shown)]
-        if hidden:
-            lines.append(f"    ({hidden} more belong to single traces)")
-        if self.derived:
-            lines += ["[[Derived]]", *_table(list(self.derived))]
-        pairs = self._pairs(smallest_correlation)
-        if pairs:
-            lines += [f"[[Correlations]] (below {smallest_correlation:g} not listed)", *pairs]
-        if self.starts:
-            agree = sum(start.agrees for start in self.starts)
-            lines += ["[[Starts]]", f"    {agree} of {len(self.starts)} ended in the same minimum"]
-        for title, texts in (
-            ("Free directions", self.free_directions),
-            ("Notes", self.notes),
-            ("Warnings", self.warnings),
-        ):
-            if texts:
-                lines += [f"[[{title}]]", *(f"    {text}" for text in texts)]
-        return "\n".join(lines)
+        from jshell.calibration.pages import text
 
-    def _pairs(self, smallest: float) -> list[str]:
-        found = []
-        for i, one in enumerate(self.varied):
-            for j in range(i):
-                value = self.correlation[i, j]
-                if np.isfinite(value) and abs(value) >= smallest:
-                    found.append((abs(value), f"    C({self.varied[j]}, {one}) = {value:+.4f}"))
-        return [text for _, text in sorted(found, reverse=True)]
+        return text(self, nuisance=nuisance, smallest_correlation=smallest_correlation)
 
     def __str__(self) -> str:
         return self.report()
 
     def _repr_html_(self) -> str:
         """The report for notebooks."""
-        cells = "".join(
-            f"<tr><td>{html.escape(e.name)}</td><td>{e.value:.7g}</td><td>{_error(e)}</td>"
-            f"<td>{'' if np.isnan(e.start) else f'{e.start:.5g}'}</td></tr>"
-            for e in (*self.estimates, *self.derived)
-            if e.role != "nuisance"
-        )
-        numbers = "".join(f"<tr><td>{k.replace('_', ' ')}</td><td>{v:.8g}</td></tr>" for k, v in self.statistics)
-        texts = "".join(
-            f"<li>{html.escape(text)}</li>" for text in (*self.free_directions, *self.notes, *self.warnings)
-        )
-        pairs = "".join(f"<li>{html.escape(text.strip())}</li>" for text in self._pairs(0.1))
-        return (
-            f"<h4>{html.escape(self.title)}</h4><p>{self.outcome.word}: {html.escape(self.outcome.advice)}</p>"
-            f"<table><tr><th>name</th><th>value</th><th>error</th><th>start</th></tr>{cells}</table>"
-            f"<table><tr><td>data</td><td>{self.n_data}</td></tr><tr><td>varied</td><td>{self.n_varied}</td></tr>"
-            f"{numbers}</table><ul>{pairs}</ul><ul>{texts}</ul>"
-        )
+        from jshell.calibration.pages import page
 
-
-def _error(estimate: Estimate) -> str:
-    if estimate.role == "fixed":
-        return "fixed"
-    if np.isfinite(estimate.stderr):
-        return f"± {estimate.stderr:.4g} ({abs(100 * estimate.stderr / estimate.value):.2f}%)" if estimate.value else ""
-    return html.escape(f"none: {estimate.reason or 'not asked for'}")
-
-
-def _table(estimates: list[Estimate]) -> list[str]:
-    width = max((len(e.name) for e in estimates), default=0)
-    return [f"    {e.line(width)}" for e in estimates]
+        return page(self)

@@ -5,6 +5,7 @@ Valid for  small oscillations about a buckled rest state; channels and losses as
 Source     Mokbel et al. 2021: eq:eqmovadimV, eq:eqmovadimS, eq:defw
 """
 
+import dataclasses
 import warnings
 from collections.abc import Mapping, Sequence
 
@@ -12,12 +13,15 @@ import jax.numpy as jnp
 import numpy as np
 
 from jshell.calibration.frequency_table import Frequencies
+from jshell.calibration.joint_fit import Asked, fit_jointly
 from jshell.calibration.least_squares import from_many_starts
+from jshell.calibration.long_records import fit_long, is_long
 from jshell.calibration.losses import LOSSES, Problem, residual
 from jshell.calibration.master_curve import start_from_data
-from jshell.calibration.parameters import unknowns
-from jshell.calibration.records import EQUILIBRIA, Record, chosen_channels, record, rest_state, windowed
+from jshell.calibration.parameters import Prior, Tie, unknowns
+from jshell.calibration.records import EQUILIBRIA, Record, chosen_channels, filled, record, rest_state, windowed
 from jshell.calibration.report import FitResult, FitWarning
+from jshell.calibration.specification import Specification, tie_in_words, versions
 from jshell.calibration.starts import Modes, blind_start, find_modes, strict_start
 from jshell.calibration.verdict import trace_result
 from jshell.errors import BadName, BadValue
@@ -27,6 +31,7 @@ from jshell.trace import Trace
 
 POSITIVE = frozenset({"alpha1", "alpha2", "beta1", "beta2"})
 BETA2 = ("equal_decay", "free")
+NOISES = ("auto", "white")
 
 
 def fit_trajectories(
@@ -37,9 +42,17 @@ def fit_trajectories(
     equilibrium: str = "plateau",
     fix: Mapping[str, float] | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
+    tie: Mapping[str, str | Tie] | None = None,
+    local: Sequence[str] = (),
+    uncertain: Mapping[str, float | None] | None = None,
+    priors: Mapping[str, Prior] | None = None,
+    robust: str | None = None,
+    noise: str = "auto",
     channels: Sequence[str] | None = None,
     start: float | None = None,
     stop: float | None = None,
+    drop: Sequence[tuple[float, float]] = (),
+    missing: str = "refuse",
     beta2: str = "equal_decay",
     dipole: str = "corrected",
     starts: int = 3,
@@ -55,10 +68,19 @@ def fit_trajectories(
         equilibrium: Rest state from the `plateau` law, or from where each `trace` settles.
         fix: Values of constants not to be fitted.
         bounds: Lowest and highest value of constants.
+        tie: Constants that follow from others: arithmetic such as "0.3*alpha1", or a function of a mapping.
+        local: Constants that every trace has of its own, `name[1]`, `name[2]`, …; all others are shared.
+        uncertain: Conditions that are parameters (`thickness`, `youngs_modulus`, `gas_pressure`,
+            `outer_pressure`, `viscosity`), with their relative standard error, or None where nothing is known.
+        priors: What is known of parameters beforehand.
+        robust: `huber` or `cauchy` instead of least squares.
+        noise: `auto` tests the residual and lets the noise remember its past where it does; `white` does not.
         channels: Those to read; None reads all that the traces share.
         start: First time read, in the traces' own time; by default a record that holds a snap is read from
             five units after its dip on, any other whole.
         stop: Last time read.
+        drop: Spans of time whose samples are left out.
+        missing: `refuse` or `drop` samples that are NaN.
         beta2: `equal_decay` ties it to beta1; `free` fits it (strict only).
         dipole: Convention of beta2, `corrected` or `printed`.
         starts: Random starts beside the one that a matrix pencil gives.
@@ -78,6 +100,7 @@ def fit_trajectories(
         ("solver", solver, SOLVERS),
         ("equilibrium", equilibrium, EQUILIBRIA),
         ("beta2", beta2, BETA2),
+        ("noise", noise, NOISES),
     ):
         if value not in known:
             raise BadName(
@@ -87,7 +110,8 @@ def fit_trajectories(
                 remedy="Choose one.",
             )
     dipole_dissipation(dipole)
-    cut = windowed(traces, start, stop)
+    asked = Asked(dict(tie or {}), tuple(local), dict(uncertain or {}), dict(priors or {}), robust)
+    cut = windowed(traces, start, stop, drop=drop, missing=missing)
     loss, names = chosen_channels(cut, loss, channels)
     if loss == "modal" and (solver != "exact" or beta2 != "equal_decay"):
         raise BadName(
@@ -104,13 +128,27 @@ def fit_trajectories(
     if loss == "modal":
         low, high = limits.pop("k_vs", (0.0, np.inf))
         limits["k_vs_squared"] = (max(low, 0.0) ** 2, high**2)
-    space = unknowns(problem.names, positive, fixed, limits)
-
     natural = _starts(problem, modes, fixed, starts, seed)
-    low, high = jnp.asarray(space.low), jnp.asarray(space.high)
-    ending = from_many_starts(residual, (space, problem), jnp.asarray(space.seen(natural)), low, high)
     absolute = all(name in trace.sigma for trace in cut for name in names)
-    result = trace_result(problem, space, ending, natural, cut, absolute, texts)
+    if asked.general:
+        result = fit_jointly(
+            asked, problem, modes, natural, cut, texts, fix=fixed, bounds=limits, absolute=absolute,
+            equilibrium=equilibrium, noise=noise,
+        )  # fmt: skip
+    else:
+        space = unknowns(problem.names, positive, fixed, limits)
+        low, high = jnp.asarray(space.low), jnp.asarray(space.high)
+        if is_long(problem):
+            ending = fit_long(space, problem, space.seen(natural))
+        else:
+            ending = from_many_starts(residual, (space, problem), jnp.asarray(space.seen(natural)), low, high)
+        result = trace_result(problem, space, ending, natural, cut, absolute, texts, noise=noise)
+    given = Specification(
+        "trajectories", loss, None, solver, equilibrium, dict(fix or {}), dict(bounds or {}), tie_in_words(tie),
+        asked.local, asked.uncertain, asked.priors, robust, noise, names, start, stop, tuple(drop), missing, beta2,
+        dipole, starts, seed,
+    )  # fmt: skip
+    result = dataclasses.replace(result, specification=given, versions=versions())
     for text in result.warnings:
         warnings.warn(text, FitWarning, stacklevel=2)
     return result
@@ -142,11 +180,12 @@ def _prepare(
     ready, modes, texts = [], [], []
     for number, trace in enumerate(cut, 1):
         times = np.asarray(trace.times, dtype=float)
-        found = find_modes(times - times[0], np.stack([np.asarray(trace[name], dtype=float) for name in names]))
+        data = [filled(times, np.asarray(trace[name], dtype=float)) for name in names]
+        found = find_modes(times - times[0], np.stack(data))
         offset = None
         if "V" in names:
             index = names.index("V")
-            offset = float(np.mean(trace["V"])) if found is None else float(found.offsets[index])
+            offset = float(np.nanmean(trace["V"])) if found is None else float(found.offsets[index])
         state, more = rest_state(trace, offset, equilibrium, number)
         ready.append(record(trace, names, state))
         modes.append(found)

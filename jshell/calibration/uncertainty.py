@@ -13,6 +13,8 @@ import numpy as np
 
 # Below this ratio of singular values a direction is free: exact Jacobians leave 1e-15 there.
 SINGULAR = 1e-9
+LOOSE = 0.5  # a direction known to no better than this part of the constants is free for every purpose
+SMALL_COUPLING = 0.05  # k_VS may be 0: its changes count relative to at least this
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,14 @@ class Uncertainty:
 
 
 def uncertainty(
-    jacobian: np.ndarray, residual: np.ndarray, values: np.ndarray, *, count: int | None = None, absolute: bool
+    jacobian: np.ndarray,
+    residual: np.ndarray,
+    values: np.ndarray,
+    *,
+    count: int | None = None,
+    absolute: bool,
+    prior: np.ndarray | None = None,
+    variance: float | None = None,
 ) -> Uncertainty:
     """Errors of parameters at a minimum.
 
@@ -47,11 +56,16 @@ def uncertainty(
         values: (parameters,) at the minimum.
         count: Number of data; None counts the residual.
         absolute: The weights are known errors; else the covariance is scaled by the reduced χ².
+        prior: (priors, parameters) further rows of the Jacobian, in standard errors that are known: never scaled.
+        variance: Variance of the weighted residual where the reduced χ² is not it (robust fits).
     """
     J, p = np.asarray(jacobian), np.asarray(values, dtype=float)
     total = J.shape[0] if count is None else count
     chi_square = float(residual @ residual)
     reduced = chi_square / max(1, total - p.size)
+    spread = 1.0 if absolute else reduced if variance is None else variance
+    if prior is not None and len(prior):
+        J = np.vstack([J, prior * np.sqrt(spread)])
 
     length = np.linalg.norm(J, axis=0)
     no_effect = ~(length > 0)
@@ -62,7 +76,7 @@ def uncertainty(
     inverse = np.where(free, 0.0, 1 / np.where(free, 1.0, s))
 
     half = (vt.T * inverse) / scale[:, None]
-    covariance = half @ half.T * (1.0 if absolute else reduced)
+    covariance = half @ half.T * spread
     in_null = (vt[free] ** 2).sum(axis=0) > 1e-12
     exact = not absolute and total <= p.size - free.sum()
     stderr = np.where(in_null | exact, np.nan, np.sqrt(np.diag(covariance)))
@@ -82,6 +96,25 @@ def uncertainty(
         for dead, lost in zip(no_effect, in_null, strict=True)
     )
     return Uncertainty(stderr, covariance, correlation, reasons, null, reduced)
+
+
+def loose_directions(covariance: np.ndarray, values: np.ndarray) -> list[tuple[np.ndarray, float]]:
+    """Combinations of constants that data fix to no better than half their size, and to how much.
+
+    Args:
+        covariance: Of the constants.
+        values: The constants.
+
+    Returns:
+        Relative changes (constants,) of length one, with their relative standard error, worst first.
+    """
+    size = np.maximum(np.abs(values), SMALL_COUPLING)
+    relative = covariance / np.outer(size, size)
+    if not values.size or not np.all(np.isfinite(relative)):
+        return []
+    power, vectors = np.linalg.eigh(relative)
+    found = [(vectors[:, i], float(np.sqrt(max(power[i], 0.0)))) for i in np.argsort(-power)]
+    return [(direction, error) for direction, error in found if error > LOOSE]
 
 
 def in_words(direction: np.ndarray, names: tuple[str, ...]) -> str:

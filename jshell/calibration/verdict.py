@@ -9,17 +9,31 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jshell.calibration.advice import (
+    advice,
+    method_notes,
+    moves,
+    other_minima,
+    quiet_modes,
+    remedy,
+    shown_name,
+    sign_of_coupling,
+)
+from jshell.calibration.estimate import Estimate, starts_of
+from jshell.calibration.joint import Joint, join
 from jshell.calibration.least_squares import Ending, best_of, value_and_jacobian
-from jshell.calibration.losses import Problem, best_linear, full_residual, linear_names, pulsations, targets
-from jshell.calibration.master_curve import SQUARE_ONLY
+from jshell.calibration.losses import Problem, linear_names, pulsations, targets
+from jshell.calibration.misfit import misfits, silent_directions, snaps
+from jshell.calibration.noise import taken_as_white
+from jshell.calibration.objective import Objective
 from jshell.calibration.parameters import Unknowns
-from jshell.calibration.records import noise_of
-from jshell.calibration.report import Estimate, FitResult, starts_of
-from jshell.calibration.uncertainty import Uncertainty, in_words, propagate, uncertainty
+from jshell.calibration.remembering import examined, power, remembering
+from jshell.calibration.report import FitResult
+from jshell.calibration.robust import Robust
+from jshell.calibration.solved import Solved, solved, whitened
+from jshell.calibration.uncertainty import Uncertainty, in_words, loose_directions, propagate, uncertainty
 from jshell.errors import Outcome
 from jshell.trace import Trace
-
-MISFIT = 1.5  # residual over noise: sampling scatter of either is below a tenth for a hundred samples
 
 
 def trace_result(
@@ -30,146 +44,171 @@ def trace_result(
     cut: list[Trace],
     absolute: bool,
     texts: list[str],
+    *,
+    joint: Joint | None = None,
+    noise: str = "auto",
+    robust: Robust | None = None,
 ) -> FitResult:
-    """The best ending, judged: errors, what they leave out, and whether the model describes the records."""
+    """The best ending, judged: errors, what they leave out, and whether the model describes the records.
+
+    Args:
+        problem: What was fitted.
+        space: Its parameters.
+        ending: Of the solver.
+        natural: (starts, names) where it began.
+        cut: The traces inside the window.
+        absolute: Whether their errors were given.
+        texts: Warnings so far.
+        joint: How parameters belong to traces; None shares all.
+        noise: `auto` tests the residual and lets noise remember where it does; `white` takes it as white.
+        robust: What a robust loss gave, where there was one.
+    """
+    joint = join(problem) if joint is None else joint
     size = float(sum(np.sum((np.asarray(block) - np.mean(block)) ** 2) for block in targets(problem)))
     best, same = best_of(ending, size)
-    values = np.array(space.natural(ending.unknowns[best]))
-    r, shown, errors, linear = _errors(problem, space, values, absolute)
-    names = tuple(_shown(name) for name in space.names)
+    values = np.array(space.natural(np.asarray(ending.unknowns)[best]))
+    found = solved(values, joint, space, None if robust is None else robust.linear)
+    noises = examined(joint, found)
+    notes = [f"rest states: {', '.join(f'V = {float(one.state.volume):.5g}' for one in problem.records)}"]
+    outcome = Outcome(int(ending.outcome[best]))
+    if noise == "auto" and robust is None and any(one.memory > 0 for one in noises):
+        joint, moved = remembering(joint, found, noises, space, free_to_move=outcome == Outcome.OK)
+        notes.append(
+            "the residual is not white: noise is taken to remember its past, e_k = φ e_{k-1} + fresh"
+            + (", and the constants are those of that noise" if moved is not found else "")
+        )
+        found = moved
+    values, r = found.values, found.residual
+
+    names = tuple(shown_name(name) for name in space.names)
     free = [space.names.index(name) for name in space.free]
     varied = tuple(names[i] for i in free)
+    shown, errors = _errors(joint, space, found, absolute, robust)
+    chi_square = power(r)
 
-    outcome = Outcome(int(ending.outcome[best]))
-    directions = tuple(_advice(direction, varied, problem) for direction in errors.null if _moves(direction, varied))
+    count = len(free)
+    covariance = errors.covariance[:count, :count]
+    directions = [advice(d[:count], varied, problem) for d in errors.null if moves(d, varied)]
+    level = (
+        chi_square / max(1, used_samples(joint) - errors.stderr.size)
+        if robust is None
+        else robust.variance * float(np.max(robust.scale)) ** 2
+    )
+    quiet, loud = quiet_modes(joint, found, level, absolute and robust is None, noises)
+    if not directions:
+        for direction, error in loose_directions(covariance, shown[free]):
+            directions.append(
+                f"{in_words(direction, varied)} is known to ±{100 * error:.0f}% only: {remedy(problem, cut, quiet)}"
+            )
+        if not directions and quiet:
+            for direction in silent_directions(joint, values, space.slopes(values), loud):
+                directions.append(
+                    f"{in_words(direction, varied)} changes little that is heard: {remedy(problem, cut, quiet)}"
+                )
+            if not directions:
+                directions.append(remedy(problem, cut, quiet))
     if directions and outcome in (Outcome.OK, Outcome.AT_BOUND):
         outcome = Outcome.RANK_DEFICIENT
-    texts = [*texts, *_misfits(problem, r, cut)]
+    texts = [*texts, *snaps(cut), *misfits(joint, r, cut, noises, robust is not None)]
+    if joint.memory is None:
+        texts += [f"what is left of {one.words()}: errors that take it as white are too small" for one in noises
+                  if one.memory > 0]  # fmt: skip
+        noises = [taken_as_white(one) for one in noises]
 
-    derived = _derived(problem, space, values, errors.covariance[: len(free), : len(free)])
+    slopes = space.slopes(values)
+    if "k_vs_squared" in space.names and shown[space.names.index("k_vs_squared")] > 0:
+        at = space.names.index("k_vs_squared")
+        slopes[:, [j for j, i in enumerate(free) if i == at]] *= 2 * shown[at]  # covariance is of k_vs, not its square
+    derived = _derived(joint, values, slopes, covariance)
     if outcome == Outcome.OK and not all(np.isfinite(e.value) for e in derived if e.name.startswith("omega")):
         outcome = Outcome.OUT_OF_RANGE  # the constants found have no slow oscillation at all
 
-    begun = np.sqrt(np.maximum(natural[best, 2], 0)) if problem.loss == "modal" else natural[best, 2]
     estimates = []
+    tied = {name for name, _ in space.tied}
     for i, name in enumerate(names):
-        if i not in free:
+        if space.names[i] in tied:
+            row = slopes[i] / (2 * shown[i] if space.names[i] == "k_vs_squared" and shown[i] > 0 else 1.0)
+            estimates.append(Estimate(name, float(shown[i]), float(propagate(row[None], covariance)[0]), role="tied"))
+        elif i not in free:
             estimates.append(Estimate(name, float(shown[i]), role="fixed"))
-            continue
-        j = free.index(i)
-        begin = begun if i == 2 else natural[best, i]
-        estimates.append(Estimate(name, float(shown[i]), float(errors.stderr[j]), errors.reasons[j], float(begin)))
-    for j, (name, value) in enumerate(zip(linear_names(problem), np.concatenate(linear), strict=True), len(free)):
+        else:
+            j = free.index(i)
+            begin = np.sqrt(max(natural[best, i], 0)) if space.names[i] == "k_vs_squared" else natural[best, i]
+            estimates.append(Estimate(name, float(shown[i]), float(errors.stderr[j]), errors.reasons[j], float(begin)))
+    for j, (name, value) in enumerate(zip(linear_names(problem), np.concatenate(found.linear), strict=True), count):
         estimates.append(Estimate(name, float(value), float(errors.stderr[j]), errors.reasons[j], role="nuisance"))
-    count = len(free)
-    notes = [f"rest states: {', '.join(f'V = {float(one.state.volume):.5g}' for one in problem.records)}"]
-    if problem.loss == "modal":
-        notes.append(SQUARE_ONLY)
-    elif problem.tied:
-        notes.append("beta2 is tied to beta1 so that both modes decay alike")
-    if not absolute:
-        notes.append("each channel is weighed by its own noise, estimated from sixth differences")
+
+    notes += method_notes(problem, joint, absolute, robust, noises)
+    notes += sign_of_coupling(problem, estimates)
+    notes += other_minima(ending, space, same)
+    if joint.problem.loss == "strict" or any(one.memory for one in noises):
+        notes += [one.words() for one in noises if one.correlated]
     return FitResult(
         title=f"{problem.loss.capitalize()} fit of {len(cut)} trace{'s' if len(cut) > 1 else ''}, "
         f"channels {', '.join(problem.records[0].channels)}, solver {problem.solver}",
         outcome=outcome,
         estimates=tuple(estimates),
         derived=derived,
-        covariance=errors.covariance[:count, :count],
+        covariance=covariance,
         correlation=errors.correlation[:count, :count],
         varied=varied,
         residual=r,
-        chi_square=float(r @ r),
-        n_data=r.size,
+        chi_square=chi_square,
+        n_data=used_samples(joint),
         n_varied=errors.stderr.size,
         absolute=absolute,
-        free_directions=directions,
+        free_directions=tuple(directions),
         starts=starts_of(ending, natural, same),
         notes=tuple(notes),
         warnings=tuple(texts),
         dipole=problem.dipole,
+        noise=tuple(noises),
+        traces=tuple(cut),
+        objective=Objective.of_traces(joint, space, values, absolute)
+        if robust is None
+        else Objective.of_traces(
+            robust.joint, space, values, absolute, robust.kind, tuple(np.sqrt(weights) for weights in robust.weights)
+        ),
     )
 
 
-def _shown(name: str) -> str:
-    return "k_vs" if name == "k_vs_squared" else name
-
-
 def _errors(
-    problem: Problem, space: Unknowns, values: np.ndarray, absolute: bool
-) -> tuple[np.ndarray, np.ndarray, Uncertainty, list[np.ndarray]]:
-    """Residual, constants as shown, errors of constants and linear parameters together, linear parameters."""
-    linear, design = best_linear(jnp.asarray(values), problem)
-    r, J = _full_jacobian(jnp.asarray(values), [jnp.asarray(c) for c in linear], problem)
-    J, r = np.array(J), np.asarray(r)
-    shown = values.copy()
-    if problem.loss == "modal":
-        shown[2] = np.sqrt(max(values[2], 0.0))
-        J[:, 2] *= 2 * shown[2]
+    joint: Joint, space: Unknowns, found: Solved, absolute: bool, robust: Robust | None
+) -> tuple[np.ndarray, Uncertainty]:
+    """Constants as shown, errors of constants and linear parameters together."""
+    r, J = whitened(joint, found)
+    shown = found.values.copy()
     free = [space.names.index(name) for name in space.free]
-    whole = np.concatenate([J[:, free], design], axis=1)
-    sizes = np.concatenate([shown[free], np.concatenate(linear)])
-    return r, shown, uncertainty(whole, r, sizes, absolute=absolute), linear
+    for i, name in enumerate(space.names):
+        if name.startswith("k_vs_squared"):
+            shown[i] = np.sqrt(max(found.values[i], 0.0))
+            J[:, [j for j, k in enumerate(free) if k == i]] *= 2 * shown[i]
+    size = r.size - len(found.prior)
+    if robust is not None:
+        r[:size], J[:size] = r[:size] / robust.scale, J[:size] / robust.scale[:, None]
+    values = np.concatenate([shown[free], np.concatenate(found.linear)])
+    variance = None if robust is None else robust.variance
+    absolute = absolute and robust is None  # a robust fit takes its scale from the residual
+    return shown, uncertainty(
+        J[:size], r[:size], values, count=used_samples(joint), absolute=absolute, prior=J[size:], variance=variance
+    )
 
 
-@eqx.filter_jit
-def _full_jacobian(values: jax.Array, linear: list[jax.Array], problem: Problem) -> tuple[jax.Array, jax.Array]:
-    return value_and_jacobian(lambda p: full_residual(p, linear, problem), values)
+def used_samples(joint: Joint) -> int:
+    """Samples that count."""
+    return int(sum(np.sum(np.asarray(record.weight) > 0) for record in joint.problem.records))
 
 
-def _moves(direction: np.ndarray, varied: tuple[str, ...]) -> bool:
-    """Whether a free direction moves a constant, not only amplitudes."""
-    return bool(np.abs(direction[: len(varied)]).max() > 1e-6)
-
-
-def _advice(direction: np.ndarray, varied: tuple[str, ...], problem: Problem) -> str:
-    text = in_words(direction[: len(varied)], varied)
-    if problem.loss == "modal":
-        return (
-            f"{text} changes neither ω-, ω+ nor τ of these traces: fix alpha2, or add a trace at a second "
-            "pressure, or fit V and S by the strict loss"
-        )
-    return f"{text} changes nothing in these traces: fix one of them, or add a trace at a second pressure"
-
-
-def _misfits(problem: Problem, r: np.ndarray, cut: list[Trace]) -> list[str]:
-    """Where the model leaves clearly more than the noise."""
-    texts, at = [], 0
-    hint = "; the modal loss asks less of it" if problem.loss == "strict" else ""
-    for number, (one, trace) in enumerate(zip(problem.records, cut, strict=True), 1):
-        for row, name in enumerate(one.channels):
-            weight, values = np.asarray(one.weight[row]), np.asarray(one.data[row])
-            left = r[at : at + weight.size] / weight
-            at += weight.size
-            rms, scatter = float(np.sqrt(np.mean(left**2))), float(values.std())
-            if name in trace.sigma:
-                noise = float(np.sqrt(np.mean(1 / weight**2)))
-            elif one.uniform:
-                noise = noise_of(values)
-            else:
-                continue
-            if rms > MISFIT * noise and rms > 1e-5 * scatter:
-                texts.append(
-                    f"misfit: the {problem.loss} model leaves {100 * rms / scatter:.2g}% of the scatter of {name} "
-                    f"[{number}], {rms / max(noise, 1e-300):.2g} times its noise: it does not describe this record, "
-                    "and the errors are too small" + hint
-                )
-    return texts
-
-
-def _derived(problem: Problem, space: Unknowns, values: np.ndarray, covariance: np.ndarray) -> tuple[Estimate, ...]:
+def _derived(joint: Joint, values: np.ndarray, slopes: np.ndarray, covariance: np.ndarray) -> tuple[Estimate, ...]:
     """ω-, ω+ and τ of every trace, with errors; what the data determine even where the constants are not."""
+    problem = joint.problem
     modal = problem.loss == "modal"
-    viscous = [float(one.conditions.viscosity) > 0 for one in problem.records]
-    damped = modal or (problem.tied and values[3] > 0)
-
-    told = tuple(damped and wet for wet in viscous)
-    value, gradient = _derived_jacobian(jnp.asarray(values), problem, told)
-    gradient = np.array(gradient)
-    if modal:
-        gradient[:, 2] *= 2 * np.sqrt(max(values[2], 0.0))  # the covariance is of k_vs, not of its square
-    free = [space.names.index(name) for name in space.free]
-    stderr = propagate(gradient[:, free], covariance)
+    told = []
+    for one, places in zip(problem.records, joint.places, strict=True):
+        damped = modal or (problem.tied and values[places[3]] > 0)
+        told.append(bool(damped and float(one.conditions.viscosity) > 0))
+    value, gradient = _derived_jacobian(values, joint, tuple(told))
+    stderr = propagate(np.asarray(gradient) @ slopes, covariance)
     names = []
     for i in range(len(problem.records)):
         tail = f"[{i + 1}]" if len(problem.records) > 1 else ""
@@ -183,18 +222,21 @@ def _derived(problem: Problem, space: Unknowns, values: np.ndarray, covariance: 
 
 
 @eqx.filter_jit
-def _derived_jacobian(values: jax.Array, problem: Problem, told: tuple[bool, ...]) -> tuple[jax.Array, jax.Array]:
+def _derived_jacobian(
+    values: np.ndarray | jax.Array, joint: Joint, told: tuple[bool, ...]
+) -> tuple[jax.Array, jax.Array]:
     """ω-, ω+ and, where `told`, the damping of every trace; with derivatives."""
-    modal = problem.loss == "modal"
+    modal = joint.problem.loss == "modal"
 
     def numbers(p: jax.Array) -> jax.Array:
         found = []
-        constants = p[:3] if modal else p[:3].at[2].set(p[2] ** 2)
-        for i, one in enumerate(problem.records):
+        for (own, problem), tell in zip(joint.pieces(p), told, strict=True):
+            one = problem.records[0]
+            constants = own[:3] if modal else own[:3].at[2].set(own[2] ** 2)
             found += list(jnp.sqrt(pulsations(constants, one)))
-            if told[i]:
+            if tell:
                 eta = one.conditions.viscosity
-                found.append(1 / (2 * p[3 + i] * eta) if modal else p[0] / (2 * p[3] * eta))
+                found.append(1 / (2 * own[3] * eta) if modal else own[0] / (2 * own[3] * eta))
         return jnp.stack(found)
 
-    return value_and_jacobian(numbers, values)
+    return value_and_jacobian(numbers, jnp.asarray(values))

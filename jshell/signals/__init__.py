@@ -1,8 +1,12 @@
 """Listening: from a trace to two frequencies, a decay time and a verdict."""
 
 from jshell.signals.damped_pair import DampedModes, fit
+from jshell.signals.pair_batch import Pairs, extract_batch
 from jshell.signals.pencil import rates
 from jshell.signals.signature import MEASURED, Signature, extract, verdict
 from jshell.signals.snap import dip, ring_down_start
 
-__all__ = ["MEASURED", "DampedModes", "Signature", "dip", "extract", "fit", "rates", "ring_down_start", "verdict"]
+__all__ = [
+    "MEASURED", "DampedModes", "Pairs", "Signature", "dip", "extract", "extract_batch", "fit", "rates",
+    "ring_down_start", "verdict",
+]  # fmt: skip

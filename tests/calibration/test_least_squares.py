@@ -57,7 +57,7 @@ def test_many_starts_reach_the_narrow_valley():
 def test_running_out_of_steps_and_bad_numbers_are_outcomes():
     starts = jnp.array([[-1.2, 1.0], [jnp.nan, 0.0]])
     ending = from_many_starts(_rosenbrock, None, starts, jnp.full(2, -jnp.inf), jnp.full(2, jnp.inf), max_steps=2)
-    assert list(np.asarray(ending.outcome)) == [Outcome.NOT_CONVERGED, Outcome.STALLED]
+    assert list(np.asarray(ending.outcome)) == [Outcome.NOT_CONVERGED, Outcome.NOT_FINITE]
 
 
 def test_errors_of_a_straight_line_are_the_textbooks():

@@ -1,0 +1,95 @@
+"""How often 95% intervals hold the truth: white noise, and noise that remembers.
+
+One shell, `random_shell(0)`; 2 000 records (seeds 0 to 1999) of V and S, 400 samples, noise 1 % of each
+channel's scatter. The fits start at the truth, all at once; each is then judged as `fit_trajectories` judges its
+own, and its intervals are those of `FitResult.interval`.
+
+    python benchmarks/coverage.py [replicates]
+"""
+
+import operator
+import sys
+import time
+import warnings
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import jshell as js
+from jshell.calibration.least_squares import Ending, levenberg_marquardt
+from jshell.calibration.losses import Problem, residual
+from jshell.calibration.parameters import Unknowns, unknowns
+from jshell.calibration.records import record
+from jshell.calibration.verdict import trace_result
+
+NAMES = ("alpha1", "alpha2", "k_vs", "beta1")
+SHELL = js.oscillator.random_shell(0)
+BLOCK = 100
+TIMES = np.linspace(0.0, 40.0, 400)
+
+
+def noisy(clean: js.Trace, memory: float, seed: int, noise: float = 0.01) -> js.Trace:
+    """The trace with noise e_k = φ e_{k-1} + fresh of `noise` times each channel's scatter."""
+    random = np.random.default_rng([seed, 7])
+    channels = {}
+    for name, values in clean.channels.items():
+        fresh = random.standard_normal(TIMES.size)
+        e = np.empty_like(fresh)
+        e[0] = fresh[0]
+        for k in range(1, e.size):
+            e[k] = memory * e[k - 1] + np.sqrt(1 - memory**2) * fresh[k]
+        channels[name] = np.asarray(values) + noise * np.std(values) * e
+    return js.Trace(TIMES, channels, clean.conditions)
+
+
+def coverage(memory: float, replicates: int, noise: str = "auto") -> tuple[np.ndarray, int]:
+    """Share of intervals that hold the truth, and how many fits did not end ok."""
+    clean = js.oscillator.simulate(
+        SHELL.conditions, SHELL.coefficients, initial=SHELL.initial, times=TIMES, equilibrium=SHELL.state
+    )
+    c = SHELL.coefficients
+    true = np.array([float(x) for x in (c.alpha1, c.alpha2, c.k_vs, c.beta1)])
+    space = unknowns(NAMES, frozenset({"alpha1", "alpha2", "beta1"}))
+    start = jnp.asarray(space.seen(true[None])[0])
+    held, lost = np.zeros(4), 0
+    for at in range(0, replicates, BLOCK):
+        traces = [noisy(clean, memory, seed) for seed in range(at, at + BLOCK)]
+        problems = [Problem((record(trace, ("V", "S"), SHELL.state),), "strict") for trace in traces]
+        many = jax.tree.map(lambda *rows: jnp.stack(rows), *problems)
+        endings = fits(space, many, start)
+        for k, (trace, problem) in enumerate(zip(traces, problems, strict=True)):
+            if at + k >= replicates:
+                break
+            one = jax.tree.map(operator.itemgetter(slice(k, k + 1)), endings)
+            found = trace_result(problem, space, one, true[None], [trace], False, [], noise=noise)
+            lost += found.outcome != js.Outcome.OK
+            limits = np.array([found.interval(name) for name in NAMES])
+            held += (limits[:, 0] < true) & (true < limits[:, 1])
+    return held / replicates, lost
+
+
+@eqx.filter_jit
+def fits(space: Unknowns, problems: Problem, start: jax.Array) -> Ending:
+    """One fit for each problem, from one start."""
+    free = jnp.full(start.shape, jnp.inf)
+    one = lambda problem: levenberg_marquardt(lambda u: residual(u, (space, problem)), start, -free, free)  # noqa: E731
+    return eqx.filter_vmap(one)(problems)
+
+
+def main() -> None:
+    replicates = int(sys.argv[1]) if len(sys.argv) > 1 else 2000
+    warnings.simplefilter("ignore")
+    print("| noise | errors | " + " | ".join(NAMES) + " | not ok | s |")
+    print("|---|---|" + "---|" * 6)
+    for memory, kind in ((0.0, "auto"), (0.9, "auto"), (0.9, "white")):
+        began = time.perf_counter()
+        share, lost = coverage(memory, replicates, kind)
+        cells = " | ".join(f"{100 * x:.1f} %" for x in share)
+        name = "white" if memory == 0 else f"AR({memory})"
+        print(f"| {name} | {kind} | {cells} | {lost} | {time.perf_counter() - began:.0f} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,317 @@
+"""Thousands of traces at once: each its own constants.
+
+Every record is fitted by itself, 64 side by side: a start from its spectrum,
+variable projection, Levenberg-Marquardt. Seven steps for all; what has not
+come to rest then is gathered and goes on together. Records that end badly, or
+leave more than their noise, are tried again from other starts. A record that
+fails changes no other by a bit.
+
+Symbols    α1, α2, k_VS, β1 constants [-]   τ decay time [sqrt(ρ_f R0³/(E d))]   ω-, ω+ pulsations
+Valid for  small oscillations about a buckled rest state, V and S recorded, equal decay of both modes
+Source     Mokbel et al. 2021: eq:eqmovadimV, eq:eqmovadimS, eq:defw, eq:taureal
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from jshell.calibration import batch_diffrax
+from jshell.calibration.batch_kernel import Found, Raw, solve_blocks
+from jshell.calibration.batch_result import BatchResult, read
+from jshell.calibration.recordings import Bucket, Recordings, gathered, rest_states, sorted_out
+from jshell.calibration.records import EQUILIBRIA
+from jshell.calibration.starts import find_modes, strict_start
+from jshell.errors import BadName, BadValue
+from jshell.oscillator.simulate import SOLVERS
+from jshell.signals.lane_search import CONVERGED, RUNNING
+from jshell.signals.pencil_batch import CELLS
+from jshell.trace import Trace
+
+NAMES = ("alpha1", "alpha2", "k_vs", "tau")
+ROUNDS = 12  # of seven steps
+MISFIT = 2.25  # reduced χ² from which a record is tried again
+HOPELESS = 256  # more records than this in one call get no single care
+WIDEST = ((0.02, 500.0), (0.02, 500.0), (-np.inf, np.inf), (1e-3, 1e4))
+_solve = eqx.filter_jit(solve_blocks)
+TOGETHER = 16  # blocks of one call
+
+Progress = Callable[[int, int], None]
+
+
+def fit_batch(
+    traces: Sequence[Trace] | Recordings,
+    *,
+    solver: str = "exact",
+    equilibrium: str = "plateau",
+    fix: Mapping[str, float] | None = None,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    starts: int = 0,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> BatchResult:
+    """Fit the short model to each of many traces by itself.
+
+    Args:
+        traces: Traces of V and S with conditions, or arrays; lengths and conditions may differ, NaN marks a
+            missing sample.
+        solver: `exact` motion, or `diffrax` (evenly sampled records without gaps).
+        equilibrium: Rest state from the `plateau` law, or from where each `trace` settles.
+        fix: Values of constants not to be fitted: `alpha1`, `alpha2`, `k_vs`, `tau`.
+        bounds: Lowest and highest value of constants.
+        starts: Random starts of every record beside the one from its spectrum; `tried` and `agreeing` of the result
+            say where they ended.
+        seed: Of the random starts.
+        progress: Called with records done and records in all.
+
+    Returns:
+        One row per record, in their order, each with its outcome: ok; at_bound; rank_deficient with the free
+        direction; stalled; not_converged; not_finite; unusable_data; no_buckled_state.
+
+    Raises:
+        BadName: An option or constant that does not exist here.
+        BadValue: No record, a record without conditions, an impossible bound.
+
+    Example:
+        >>> import jshell as js
+        >>> from jshell.oscillator import random_shell, random_trace
+        >>> found = js.calibration.fit_batch([random_trace(random_shell(seed), seed) for seed in range(3)])
+        >>> [outcome.word for outcome in found.outcomes]
+        ['ok', 'ok', 'ok']
+    """
+    for place, value, known in (("solver", solver, SOLVERS), ("equilibrium", equilibrium, EQUILIBRIA)):
+        if value not in known:
+            raise BadName(
+                f"{place} {value!r}", found="no such choice", expected=" or ".join(known), remedy="Choose one."
+            )
+    records = traces if isinstance(traces, Recordings) else gathered(list(traces)) if len(traces) else None
+    if records is None:
+        raise BadValue("traces", found="none", expected="at least one trace", remedy="Give a trace.")
+    low, high, fixed = _limits(fix or {}, bounds or {})
+    run = _Batch(records, equilibrium, low, high, solver, progress)
+    run.fit_all()
+    run.try_again(starts, np.random.default_rng(seed))
+    with np.errstate(all="ignore"):  # rows that failed hold anything; they are hidden there
+        return read(run, fixed)
+
+
+class _Batch:
+    """A batch under way: the best of what was found for every record so far.
+
+    Attributes:
+        found: Fields of `Found`, (…, rows).
+        tried: Starts of each record.
+        ends: Costs of all starts of the records tried again, inf where a start did not come to rest.
+    """
+
+    def __init__(
+        self,
+        records: Recordings,
+        equilibrium: str,
+        low: np.ndarray,
+        high: np.ndarray,
+        solver: str,
+        progress: Progress | None,
+    ):
+        self.records, self.low, self.high, self.progress = records, low, high, progress
+        self.solve = _solve if solver == "exact" else batch_diffrax.solve
+        self.rows = np.shape(records.values)[0]
+        self.buckets, self.unusable = sorted_out(records)
+        if solver == "diffrax" and any(bucket.elapsed is not None for bucket in self.buckets):
+            raise BadValue(
+                "traces", found="uneven or missing samples", expected="even ones for diffrax", remedy="Use exact."
+            )
+        self.volume, self.pressure, self.buckled = rest_states(records, equilibrium)
+        of = lambda name: np.broadcast_to(np.asarray(getattr(records.conditions, name), float), (self.rows,))  # noqa: E731
+        self.gas_pressure, self.kappa, self.viscosity = of("gas_pressure"), of("kappa"), of("viscosity")
+        self.area_modulus = 0.5 / (1 - of("poisson_ratio"))
+        self.sigma = np.full((self.rows, 2), np.nan) if records.sigma is None else np.asarray(records.sigma, float)
+        self.absolute = records.sigma is not None
+        self.tried, self.agreeing = np.ones(self.rows, int), np.ones(self.rows, int)
+        self.counts = np.zeros(self.rows, int)
+        self.ends: dict[int, list[float]] = {}
+        self.found: Found | None = None
+        self.done = 0
+
+    def fit_all(self) -> None:
+        """Every record from its own spectrum."""
+        for bucket in self.buckets:
+            self.counts[bucket.rows] = bucket.counts
+            blank = np.full((4, bucket.rows.size), np.nan)
+            found = self.lanes(bucket, np.arange(bucket.rows.size), blank, tell=True)
+            if self.found is None:
+                self.found = Found(*(np.zeros((*part.shape[:-1], self.rows), part.dtype) for part in found))
+            for whole, part in zip(self.found, found, strict=True):
+                whole[..., bucket.rows] = part
+
+    def lanes(self, bucket: Bucket, chosen: np.ndarray, starts: np.ndarray, *, tell: bool = False) -> Found:
+        """Fit chosen records of a bucket, (4, chosen) starts, until all rest or rounds are out."""
+        found = Found(*(np.array(part) for part in self._round(bucket, chosen, starts, tell)))
+        for _ in range(ROUNDS - 1):
+            left = np.flatnonzero((found.status == RUNNING) & ~self._hopeless(bucket, chosen))
+            if not left.size:
+                break
+            more = self._round(bucket, chosen[left], found.unknowns[:, left], False)
+            steps = found.steps[left]
+            for field, whole, part in zip(Found._fields, found, more, strict=True):
+                if field not in ("start", "heard"):
+                    whole[..., left] = part
+            found.steps[left] += steps
+        return found
+
+    def _hopeless(self, bucket: Bucket, chosen: np.ndarray) -> np.ndarray:
+        rows = bucket.rows[chosen]
+        return self.unusable[rows] | ~self.buckled[rows]
+
+    def _round(self, bucket: Bucket, chosen: np.ndarray, starts: np.ndarray, tell: bool) -> Found:
+        """Seven steps of chosen records, block by block."""
+        size, length = bucket.lanes, bucket.values.shape[2]
+        padded = -(-length // 16) * 16
+        cell = max(1, 2 ** int(np.log2(max(1, length // CELLS))))
+        uneven = bucket.elapsed is not None
+        together = TOGETHER if size > 1 else 1
+        parts = []
+        for at in range(0, chosen.size, size * together):
+            mine = chosen[at : at + size * together]
+            lanes = np.resize(mine, size * together).reshape(together, size)  # a short block repeats its records
+            rows = bucket.rows[lanes]
+            used = -(-mine.size // size)
+
+            def side_by_side(values, lanes=lanes, used=used):
+                whole = np.zeros((together, *values.shape[1:-1], padded, size))
+                for block in range(used):
+                    whole[block, ..., :length, :] = np.moveaxis(values[lanes[block]], 0, -1)
+                return whole
+
+            numbers = [bucket.counts[lanes].astype(float), bucket.steps[lanes], *(x[rows] for x in self._numbers())]
+            raw = Raw(
+                side_by_side(bucket.even if uneven else bucket.values),
+                numbers[0],
+                numbers[1],
+                np.swapaxes(self.sigma[rows], 1, 2),
+                numbers[2],
+                numbers[3],
+                numbers[4],
+                numbers[5],
+                numbers[6],
+                elapsed=side_by_side(bucket.elapsed) if uneven else None,
+                uneven=side_by_side(bucket.values) if uneven else None,
+            )
+            first = np.swapaxes(
+                np.resize(starts[:, at : at + mine.size].T, (together * size, 4)).reshape(together, size, 4), 1, 2
+            )
+            found = self.solve(raw, first, *self._box(size), cell, np.asarray(used))
+            flat = lambda x, n=mine.size: np.moveaxis(np.asarray(x), 0, -2).reshape(*x.shape[1:-1], -1)[..., :n]  # noqa: E731
+            parts.append(Found(*(flat(part) for part in found)))
+            if tell and self.progress is not None:
+                self.done += mine.size
+                self.progress(self.done, self.rows)
+        return Found(*(np.concatenate(part, axis=-1) for part in zip(*parts, strict=True)))
+
+    def _numbers(self) -> tuple[np.ndarray, ...]:
+        return self.volume, self.pressure, self.gas_pressure, self.kappa, self.area_modulus
+
+    def _box(self, size: int) -> tuple[np.ndarray, np.ndarray]:
+        return np.repeat(self.low[:, None], size, 1), np.repeat(self.high[:, None], size, 1)
+
+    def reduced(self) -> np.ndarray:
+        """Reduced χ² of every record."""
+        assert self.found is not None
+        with np.errstate(all="ignore"):
+            return self.found.cost / np.maximum(2 * self.counts - 10, 1)
+
+    def try_again(self, count: int, random: np.random.Generator) -> None:
+        """Random starts where asked for; several for records that ended badly or leave more than their noise."""
+        if self.found is None:
+            return
+        usable = ~self.unusable & self.buckled
+        for care in (False, True):
+            bad = usable & ((self.found.status != CONVERGED) | ~(self.reduced() < MISFIT))
+            if care and not 0 < bad.sum() <= HOPELESS:
+                return
+            for bucket in self.buckets:
+                places, starts = [], []
+                for j in np.flatnonzero(usable[bucket.rows] & (bad[bucket.rows] | (count > 0 and not care))):
+                    row = bucket.rows[j]
+                    rows = self._starts(bucket, j, row, (0 if care else count) + (6 if bad[row] else 0), random, care)
+                    places += [j] * len(rows)
+                    starts += rows
+                if places:
+                    self._keep_best(bucket, np.array(places), self.lanes(bucket, np.array(places), np.array(starts).T))
+
+    def _starts(
+        self, bucket: Bucket, j: Any, row: Any, count: int, random: np.random.Generator, care: bool
+    ) -> list[np.ndarray]:
+        """Starts of one record: with care those of several truncation orders, then random ones."""
+        assert self.found is not None
+        rows, here = [], self.found.start[:, row]
+        if care:
+            values = (bucket.values if bucket.even is None else bucket.even)[j][:, : bucket.counts[j]]
+            modes = find_modes(bucket.steps[j] * np.arange(int(bucket.counts[j])), values)
+            if modes is not None:
+                rest = self.found.rest[:, row]
+                first = strict_start([_as_record(rest, self.kappa[row], self.area_modulus[row])], [modes], {})
+                here = np.array([np.log(first[0]), np.log(first[1]), first[2], -np.log(modes.tau)])
+                rows.append(here)
+        for k in range(count):
+            moved = here + np.array([0.3, 0.3, 0.1, 0.4]) * random.standard_normal(4)
+            rows.append(moved * np.array([1, 1, -1 if k % 2 else 1, 1]))
+        return [np.clip(one, self.low, self.high) for one in rows]
+
+    def _keep_best(self, bucket: Bucket, places: np.ndarray, more: Found) -> None:
+        assert self.found is not None
+        for j in np.unique(places):
+            row, mine = bucket.rows[j], np.flatnonzero(places == j)
+            rested = np.append(self.found.status[row], more.status[mine]) == CONVERGED
+            costs = np.append(self.found.cost[row], more.cost[mine])
+            ranked = np.where(rested & np.isfinite(costs), costs, np.inf)
+            best = int(np.argmin(ranked))
+            every = self.ends[int(row)] = [*self.ends.get(int(row), ranked[:1]), *ranked[1:]]
+            if best and ranked[best] < ranked[0] * (1 - 1e-9):
+                for whole, part in zip(self.found, more, strict=True):
+                    whole[..., row] = part[..., mine[best - 1]]
+            self.tried[row] = len(every)
+            self.agreeing[row] = sum(c <= min(every) * (1 + 1e-7) for c in every) if np.isfinite(min(every)) else 0
+
+
+def _limits(fix: Mapping[str, float], bounds: Mapping[str, tuple[float, float]]):
+    """Bounds of (log α1, log α2, k_VS, log σ), and which are fixed."""
+    for name in (*fix, *bounds):
+        if name not in NAMES:
+            raise BadName(
+                f"parameter {name!r}",
+                found="no such parameter of a batch fit",
+                expected=", ".join(NAMES),
+                remedy="Use tau = alpha1/(2 beta1 viscosity) for beta1, or fit_trajectories.",
+            )
+    low, high, fixed = np.zeros(4), np.zeros(4), np.zeros(4, bool)
+    for i, name in enumerate(NAMES):
+        least, most = (fix[name], fix[name]) if name in fix else bounds.get(name, WIDEST[i])
+        positive = name != "k_vs"
+        if not (least < most or name in fix) or (positive and not (most > 0)) or not np.isfinite(fix.get(name, 1.0)):
+            raise BadValue(
+                f"bounds or fix of {name!r}",
+                found=f"({least:g}, {most:g})",
+                expected="lowest < highest, and room above 0 for a positive parameter",
+                remedy="Check the order.",
+            )
+        if positive:
+            least, most = np.log(max(least, WIDEST[i][0])) if name not in fix else np.log(least), np.log(most)
+        low[i], high[i] = (-most, -least) if name == "tau" else (least, most)
+        fixed[i] = name in fix
+    if fixed.all():
+        raise BadValue("fix", found="every parameter fixed", expected="a free one", remedy="Free a parameter.")
+    return low, high, fixed
+
+
+def _as_record(rest: np.ndarray, kappa: Any, area_modulus: Any):
+    """What `strict_start` reads of a record."""
+    from jshell.calibration.records import Record
+    from jshell.shell.parameters import Reduced
+    from jshell.shell.rest import RestState
+
+    conditions = Reduced(0.1, 1.0, 1.0, 1.0, kappa, 1 - 0.5 / area_modulus)
+    blank = jnp.zeros(0)
+    return Record(blank, blank, blank, conditions, RestState(*rest), ("V", "S"), True)

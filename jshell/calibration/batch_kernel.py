@@ -1,0 +1,400 @@
+"""The fast fit of one block of traces: everything for 64 of them at once, batch axis last.
+
+Both modes decay alike, so that a trace is
+
+    V(t) = V∞ + Σ_m V_m Re(c_m z_m^t)    S(t) = S∞ + Σ_m S_m Re(c_m z_m^t)    m = slow, fast
+
+with z_m = exp((-σ + iΩ_m) Δ), t counted in steps Δ. The mode shapes (V_m, S_m)
+and Ω_m follow from α1, α2, k_VS; c_m and the rest values are linear and are
+eliminated. Model and Jacobian lie in the span of z_m^t and t z_m^t, whose
+products have closed geometric sums: a step reads the data once, for Σ y z^t
+and Σ t y z^t, and is small algebra otherwise. Records of any length share a
+program: what is padded is zero in the data, and the closed sums know the length.
+
+Symbols    σ = 1/τ   Ω² = ω² - σ²   u = (log α1, log α2, k_VS, log σ) unknowns
+           b = (Re z-^t, Im z-^t, Re z+^t, Im z+^t, then t times these) basis   G its Gram matrix, centred
+Valid for  even sampling, equal decay, both modes underdamped
+Source     Golub & Pereyra 1973, Kaufman 1975 (projection); Nielsen 1999 (damping of the step);
+           Mokbel et al. 2021: eq:eqmovadimV, eq:eqmovadimS
+"""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jshell.calibration.records import SMALLEST_NOISE
+from jshell.shell.elasticity import SPHERE_VOLUME
+from jshell.signals.lane_search import Look, Search, begin, descend
+from jshell.signals.lanes import backward, cholesky, forward, lanewise, listed, stage, total
+from jshell.signals.pencil_batch import poles
+from jshell.signals.wave_sums import data_sums, gram, uneven_sums
+
+UNKNOWNS = 4
+
+
+class Block(eqx.Module):
+    """Traces side by side.
+
+    Attributes:
+        values: V and S less their means, 0 beyond the record; times are a multiple of INNER.
+        mean: Their means.
+        power: Weighted sum of squares of `values`.
+        count: Samples of each record.
+        step: Time between samples.
+        weight: (channels, block) 1/σ² of each channel.
+        gas: κ P_e/V_e, stiffness of the volume.
+        wall: K_A/4π, stiffness of the area.
+        volume: V_e.
+        elapsed: Times of each sample where they are uneven or some are missing, else None.
+        inside: 1 for a sample, 0 for none; with `elapsed`.
+    """
+
+    values: Float[Array, "channels times block"]
+    mean: Float[Array, "channels block"]
+    power: Float[Array, " block"]
+    count: Float[Array, " block"]
+    step: Float[Array, " block"]
+    weight: Float[Array, "channels block"]
+    gas: Float[Array, " block"]
+    wall: Float[Array, " block"]
+    volume: Float[Array, " block"]
+    elapsed: Any = None
+    inside: Any = None
+
+
+class Shape(NamedTuple):
+    """Two modes: rates, shapes, and their derivatives by the unknowns.
+
+    Attributes:
+        damped: (2, block) Ω.
+        rate: σ.
+        shapes: (channels, modes, block) (V_m, S_m), of mass one.
+        damped_slope: (unknowns, modes, block).
+        shape_slope: (channels, unknowns, modes, block), less the part along the mode itself.
+        sound: Whether both modes turn.
+    """
+
+    damped: jax.Array
+    rate: jax.Array
+    shapes: jax.Array
+    damped_slope: jax.Array
+    shape_slope: jax.Array
+    sound: jax.Array
+
+
+def shape(unknowns: Float[Array, "unknowns block"], data: Block) -> Shape:
+    """Modes of given constants, with derivatives by perturbation of M and K."""
+    alpha1, alpha2, k, rate = jnp.exp(unknowns[0]), jnp.exp(unknowns[1]), unknowns[2], jnp.exp(unknowns[3])
+    m1, m2 = alpha1 / (4 * jnp.pi), 2 * alpha2 * data.volume**2 / (9 * jnp.pi**3)
+    a, b, c = data.gas / m1, data.wall / m2, k / (data.volume * jnp.sqrt(m1 * m2))
+    half = (a - b) / 2
+    gap = jnp.sqrt(half * half + c * c)
+    fast = (a + b) / 2 + gap
+    slow = (a * b - c * c) / fast
+    x, y = jnp.where(half >= 0, gap + half, c), jnp.where(half >= 0, c, gap - half)
+    size = jnp.sqrt(x * x + y * y) + 1e-300
+    x, y = x / size, y / size
+    V, S = jnp.stack([-y, x]) / jnp.sqrt(m1), jnp.stack([x, y]) / jnp.sqrt(m2)
+
+    w2 = jnp.stack([slow, fast])
+    turning = w2 - rate**2
+    sound = (turning[0] > 1e-6 * fast) & (gap > 1e-9 * fast)
+    damped = jnp.sqrt(jnp.where(sound, turning, 1.0))
+    zero = jnp.zeros_like(w2)
+    own = jnp.stack([-w2 * m1 * V * V, -w2 * m2 * S * S, 2 * V * S / data.volume, -2 * jnp.stack([rate**2] * 2)])
+    cross = jnp.stack(
+        [-w2 * m1 * V[0] * V[1], -w2 * m2 * S[0] * S[1], (V[0] * S[1] + V[1] * S[0] + zero) / data.volume, zero]
+    )
+    apart = jnp.stack([slow - fast, fast - slow])
+    mixing = cross / jnp.where(sound, apart, 1.0)  # (unknowns, modes, block) of the other mode's shape
+    shapes = jnp.stack([V, S])
+    return Shape(damped, rate, shapes, own / (2 * damped), mixing[None] * shapes[:, None, ::-1], sound)
+
+
+def look(unknowns: Float[Array, "unknowns block"], data: Block) -> Look:
+    """Cost, gradient and normal matrix with the best linear parameters.
+
+    Args:
+        unknowns: Where.
+        data: The traces.
+    """
+    go = data.count[0] >= 0
+    w = data.weight
+
+    def rates(unknowns):
+        modes = shape(unknowns, data)
+        return modes, modes.rate * data.step, modes.damped * data.step
+
+    def roots(decay, turn):
+        size = jnp.exp(-decay)
+        return size * jnp.cos(turn), size * jnp.sin(turn)
+
+    modes, decay, turn = stage(rates, go, unknowns)
+    if data.elapsed is None:
+        real, imag = stage(roots, go, decay, turn)
+        d = data_sums(data.values, real, imag, go)
+        G, sums = gram(decay, turn, data.count, go)
+    else:
+        d, G, sums = uneven_sums(data.values, data.elapsed / data.step, data.inside, decay, turn, data.count, go)
+
+    def linear(G, d, shapes):
+        P = jnp.repeat(shapes, 2, axis=1)  # (channels, 4, block): shape of the mode behind each basis function
+        W = total(w[c] * P[c][:, None] * P[c][None, :] for c in range(2)) * G[:4, :4]
+        return P, W, total(w[c] * P[c] * d[c, :4] for c in range(2))
+
+    P, N, right = stage(linear, go, G, d, modes.shapes)
+    L = cholesky(listed(N), go)
+    half = forward(L, [right[i] for i in range(4)], go)
+    C = backward(L, half, go)
+    cost = data.power - total(x * x for x in half)
+
+    X = stage(lambda C, modes: _tangents(C, modes, data.step), go, C, modes)
+    GX = stage(lambda G, X: total(X[:, :, j, None] * G[j] for j in range(8)), go, G, X)
+    mixed = stage(lambda GX, P: total(w[c] * GX[c, :, :4] * P[c] for c in range(2)), go, GX, P)  # (unknowns, 4, block)
+    U = forward(L, [mixed[:, j] for j in range(4)], go)
+
+    def products(X, GX, mixed, U, C):
+        straight = total(w[c] * X[c, :, None, j] * GX[c, None, :, j] for c in range(2) for j in range(8))
+        gradient = total(w[c] * X[c, :, j] * d[c, j] for c in range(2) for j in range(8))
+        gradient = gradient - total(mixed[:, j] * C[j] for j in range(4))
+        return gradient, straight - total(U[j][:, None] * U[j][None, :] for j in range(4)), jnp.stack(C)
+
+    gradient, normal, best = stage(products, go, X, GX, mixed, U, C)
+    cost = jnp.where(modes.sound & jnp.isfinite(cost), cost, jnp.inf)
+    return Look(cost, gradient, normal, best, sums)
+
+
+def _tangents(C: list[jax.Array], modes: Shape, step: jax.Array) -> Float[Array, "channels unknowns 8 block"]:
+    """Derivatives of the model by the unknowns, in the basis, at fixed linear parameters."""
+    zero = jnp.zeros_like(step)
+    decay_slope = [zero, zero, zero, modes.rate * step]
+    tangents = []
+    for c in range(2):
+        for u in range(UNKNOWNS):
+            early, late = [], []
+            for m in range(2):
+                r, i, own = C[2 * m], C[2 * m + 1], modes.shapes[c, m]
+                turn_slope, shape_slope = modes.damped_slope[u, m] * step, modes.shape_slope[c, u, m]
+                early += [shape_slope * r, shape_slope * i]
+                late += [own * (i * turn_slope - r * decay_slope[u]), own * (-r * turn_slope - i * decay_slope[u])]
+            tangents += early + late
+    return jnp.stack(tangents).reshape(2, UNKNOWNS, 8, -1)
+
+
+Numbers = Any  # arrays of NumPy outside, of JAX inside
+
+
+class Raw(eqx.Module):
+    """Traces as they come, side by side.
+
+    Attributes:
+        values: (channels, times, block) V and S, anything beyond the record.
+        count: (block,) samples of each record; so are all but `sigma`, (channels, block).
+        step: Time between samples.
+        sigma: Standard errors of each channel, NaN where its own noise is to be taken.
+        volume: V_e, NaN where the record says where it rests.
+        pressure: P_e.
+        gas_pressure: P0.
+        kappa: Polytropic exponent.
+        area_modulus: K_A.
+        elapsed: Times of uneven samples, else None; `values` then is the record brought to even times, for the start.
+        uneven: The record itself at those times; with `elapsed`.
+    """
+
+    values: Numbers
+    count: Numbers
+    step: Numbers
+    sigma: Numbers
+    volume: Numbers
+    pressure: Numbers
+    gas_pressure: Numbers
+    kappa: Numbers
+    area_modulus: Numbers
+    elapsed: Numbers | None = None
+    uneven: Numbers | None = None
+
+
+class Ready(NamedTuple):
+    """A block ready to fit, and a start from its data.
+
+    Attributes:
+        data, start: The block, and its (unknowns, block).
+        pressure: P_e.
+        heard: Whether two modes were found.
+    """
+
+    data: Block
+    start: jax.Array
+    pressure: jax.Array
+    heard: jax.Array
+
+
+def prepare(raw: Raw, cell: int) -> Ready:
+    """Means, weights, rest states and starts.
+
+    Args:
+        raw: The traces.
+        cell: Samples per cell of the matrix pencil.
+    """
+    go = raw.count[0] >= 0
+
+    def centred(values, count):
+        inside = jnp.arange(values.shape[1])[:, None] < count
+        values = jnp.where(inside, values, 0.0)
+        mean = jnp.sum(values, axis=1) / count
+        return jnp.where(inside, values - mean[:, None], 0.0), mean
+
+    def spreads(y, count):
+        times = y.shape[1]
+        sixth = total(c * y[:, k : times - 6 + k] for k, c in enumerate((1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0)))
+        inside = jnp.arange(times - 6)[:, None] < count - 6
+        rough = jnp.pad(jnp.where(inside, sixth * sixth, 0.0), ((0, 0), (0, 6), (0, 0)))
+        return jnp.sum(y * y, axis=1) / count, jnp.sum(rough, axis=1) / jnp.maximum(
+            count - 6, 1.0
+        ) / 924.0  # (12 choose 6)
+
+    y, mean = stage(centred, go, raw.values, raw.count)
+    square, noise = stage(spreads, go, y, raw.count)
+    scale = jax.lax.rsqrt(jnp.maximum(square, 1e-300))
+    growth, turn = poles(y, raw.count, scale, cell, go)
+
+    def common(growth, turn, step, count):
+        # one rate for both, that neither grows nor dies within a turn
+        decay = jnp.clip(-(growth[0] + growth[1]) / 2, 0.05 / count, 0.5 * jnp.maximum(turn[0], 1e-6))
+        size = jnp.exp(-decay)
+        return decay, turn, size * jnp.cos(turn), size * jnp.sin(turn)
+
+    decay, turn, real, imag = stage(common, go, growth, turn, raw.step, raw.count)
+    G, sums = gram(decay, turn, raw.count, go)
+    d = data_sums(y, real, imag, go)
+    L = cholesky(listed(G[:4, :4]), go)
+    waves = [jnp.stack(backward(L, forward(L, [d[c, i] for i in range(4)], go), go)) for c in range(2)]
+    offset = mean - jnp.stack([total(waves[c][i] * sums[i] for i in range(4)) for c in range(2)]) / raw.count
+
+    volume = jnp.where(jnp.isnan(raw.volume), offset[0], raw.volume)
+    own = raw.gas_pressure * (SPHERE_VOLUME / jnp.maximum(volume, 1e-3)) ** raw.kappa
+    pressure = jnp.where(jnp.isnan(raw.volume), own, raw.pressure)
+    floor = SMALLEST_NOISE**2 * square
+    weight = 1 / jnp.where(jnp.isnan(raw.sigma), jnp.maximum(noise, floor), raw.sigma**2)
+    power = total(weight[c] * square[c] * raw.count for c in range(2))
+    gas, wall = raw.kappa * pressure / volume, raw.area_modulus / (4 * jnp.pi)
+    data = Block(y, mean, power, raw.count, raw.step, weight, gas, wall, volume)
+    if raw.elapsed is not None:
+        y, mean = stage(centred, go, raw.uneven, raw.count)
+        square, _ = stage(spreads, go, y, raw.count)
+        weight = 1 / jnp.where(jnp.isnan(raw.sigma), SMALLEST_NOISE**2 * square, raw.sigma**2)
+        power = total(weight[c] * square[c] * raw.count for c in range(2))
+        inside = (jnp.arange(y.shape[1])[:, None] < raw.count).astype(float)
+        data = Block(y, mean, power, raw.count, raw.step, weight, gas, wall, volume, raw.elapsed, inside)
+    start = stage(lambda w, s, r: _constants(w, s, r, data, go), go, waves, decay, turn)
+    heard = (turn[0] > 0) & (turn[1] < 0.9 * jnp.pi) & jnp.all(jnp.isfinite(start), axis=0)
+    return Ready(data, jnp.where(jnp.isfinite(start), start, 0.0), pressure, heard)
+
+
+def _constants(waves: list[jax.Array], decay: jax.Array, turn: jax.Array, data: Block, go) -> jax.Array:
+    """The unknowns from the modes by linear least squares, as `starts.strict_start` does."""
+    V, S = waves
+    rate = decay / data.step
+    w2 = (turn**2 + decay**2) / data.step**2
+    largest = lambda x: jnp.maximum(jnp.sqrt(jnp.maximum(x[0] ** 2 + x[1] ** 2, x[2] ** 2 + x[3] ** 2)), 1e-300)  # noqa: E731
+    first, second = 1 / (data.gas * largest(V)), 1 / (data.wall * largest(S))
+    inertia = 2 * data.volume**2 / (9 * jnp.pi**3)
+    lines = []  # coefficients of alpha1, alpha2, k, and the right side
+    zero = jnp.zeros_like(rate)
+    for i in range(4):
+        w = w2[i // 2]
+        lines.append((first * w / (4 * jnp.pi) * V[i], zero, -first * S[i] / data.volume, first * data.gas * V[i]))
+        lines.append((zero, second * inertia * w * S[i], -second * V[i] / data.volume, second * data.wall * S[i]))
+    N = [[total(line[i] * line[j] for line in lines) for j in range(3)] for i in range(3)]
+    right = [total(line[i] * line[3] for line in lines) for i in range(3)]
+    L = cholesky(N, go)
+    alpha1, alpha2, k = backward(L, forward(L, right, go), go)
+    logs = [jnp.log(jnp.clip(x, 0.05, 50.0)) for x in (alpha1, alpha2)]
+    return jnp.stack([*logs, k, jnp.log(rate)])
+
+
+class Found(NamedTuple):
+    """How the fits of a block ended.
+
+    Attributes:
+        unknowns, start: (unknowns, block), at the end and at the beginning.
+        cost, normal: As in `Look`, at the end.
+        status, steps: As in `Search`.
+        weight: (channels, block).
+        state: (6, block) ΔV, ΔS and their rates at the first sample, V and S at rest.
+        omega, rest: (2, block) undamped pulsations; V_e and P_e of the model.
+        heard: Whether the start is two modes of the record's.
+    """
+
+    unknowns: Any
+    cost: Any
+    normal: Any
+    status: Any
+    steps: Any
+    weight: Any
+    state: Any
+    omega: Any
+    rest: Any
+    start: Any
+    heard: Any
+
+
+def solve(raw: Raw, start: Float[Array, "unknowns block"], low: jax.Array, high: jax.Array, cell: int) -> Found:
+    """Fit a block.
+
+    Args:
+        raw: The traces.
+        start: Where to begin; NaN takes the start from the data.
+        low: Lower bounds of the unknowns, (unknowns, block).
+        high: Upper bounds.
+        cell: Samples per cell of the matrix pencil.
+    """
+    ready = prepare(raw, cell)
+    first = jnp.clip(jnp.where(jnp.isnan(start), ready.start, start), low, high)
+    search = descend(begin(first, ready.data, look), ready.data, low, high, look)
+    go = raw.count[0] >= 0
+
+    def read(search, data):
+        modes, at = shape(search.unknowns, data), search.look
+        cosine, sine = at.linear[0::2], at.linear[1::2]
+        rates = modes.damped * sine - modes.rate * cosine
+        motion = [total(modes.shapes[c, m] * x[m] for m in range(2)) for x in (cosine, rates) for c in range(2)]
+        swing = [
+            total(
+                modes.shapes[c, m] * (at.linear[2 * m] * at.sums[2 * m] + at.linear[2 * m + 1] * at.sums[2 * m + 1])
+                for m in range(2)
+            )
+            for c in range(2)
+        ]
+        rest = [data.mean[c] - swing[c] / data.count for c in range(2)]
+        return jnp.stack([*motion, *rest]), jnp.sqrt(modes.damped**2 + modes.rate**2)
+
+    state, omega = stage(read, go, search, ready.data)
+    return found_of(search, ready, first, state, omega)
+
+
+def found_of(search: Search, ready: Ready, first: jax.Array, state: jax.Array, omega: jax.Array) -> Found:
+    """A search that has ended, with what was read off it."""
+    at, rest = search.look, jnp.stack([ready.data.volume, ready.pressure])
+    return Found(
+        search.unknowns, at.cost, at.normal, search.status, search.steps, ready.data.weight, state, omega, rest, first,
+        ready.heard,
+    )  # fmt: skip
+
+
+@lanewise
+def solve_blocks(raw: Raw, start: jax.Array, low: jax.Array, high: jax.Array, cell: int, used: jax.Array) -> Found:
+    """Fit block after block, a leading axis on `raw` and `start`, the first `used` of them: memory is taken once."""
+    one = lambda given: solve(given[0], given[1], low, high, cell)  # noqa: E731
+    nothing = jax.tree.map(
+        lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(one, jax.tree.map(lambda x: x[0], (raw, start)))
+    )
+
+    def body(given):
+        number, block = given
+        return jax.lax.cond(number < used, one, lambda _: nothing, block)
+
+    return jax.lax.map(body, (jnp.arange(start.shape[0]), (raw, start)))

@@ -1,0 +1,237 @@
+"""What a batch fit found: a table, one row per record.
+
+Symbols    α1, α2, k_VS, β1 constants [-]   τ decay time   ω-, ω+ pulsations   χ² sum of squared weighted residuals
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from jshell.calibration.uncertainty import in_words
+from jshell.errors import MissingExtra, Outcome
+from jshell.signals.lane_search import CONVERGED, RUNNING
+
+if TYPE_CHECKING:
+    import xarray
+
+PARAMETERS = ("alpha1", "alpha2", "k_vs", "tau", "beta1")
+STATE = ("delta_V", "delta_S", "V_rate", "S_rate", "V_rest", "S_rest")
+SINGULAR = 1e-12  # of the scaled normal matrix's eigenvalues: a free direction leaves rounding, 1e-15, there
+MISFIT = 2.25  # reduced χ² from which the model does not describe a record, with noise from the record itself
+
+
+@dataclass(frozen=True)
+class BatchResult:
+    """One row per record.
+
+    Attributes:
+        values: (rows, 5) alpha1, alpha2, k_vs, tau, beta1; NaN where there is no answer (beta1 also without viscosity).
+        stderr: (rows, 5) standard errors; NaN where there is none, 0 where fixed.
+        covariance: (rows, 5, 5).
+        omega: (rows, 2) undamped pulsations ω-, ω+.
+        state: (rows, 6) ΔV, ΔS, dV/dt, dS/dt at the first sample; V and S at rest.
+        rest: (rows, 2) V_e and P_e that the model was given.
+        outcome: (rows,) integers of `Outcome`.
+        chi_square: (rows,) weighted sum of squares.
+        n_data: (rows,) numbers read.
+        misfit: (rows,) whether the model leaves clearly more than the noise of an even record without given σ.
+        start: (rows, 4) alpha1, alpha2, k_vs, tau where the search began.
+        steps: (rows,) steps of the search.
+        tried: (rows,) starts.
+        agreeing: (rows,) those of them that ended in the best minimum.
+        free_directions: (row, words) for every rank-deficient row.
+        absolute: Errors come from given σ; else they are scaled by the reduced χ².
+    """
+
+    values: np.ndarray
+    stderr: np.ndarray
+    covariance: np.ndarray
+    omega: np.ndarray
+    state: np.ndarray
+    rest: np.ndarray
+    outcome: np.ndarray
+    chi_square: np.ndarray
+    n_data: np.ndarray
+    misfit: np.ndarray
+    start: np.ndarray
+    steps: np.ndarray
+    tried: np.ndarray
+    agreeing: np.ndarray
+    free_directions: tuple[tuple[int, str], ...]
+    absolute: bool
+
+    def __len__(self) -> int:
+        return self.outcome.size
+
+    @property
+    def outcomes(self) -> list[Outcome]:
+        """How each row ended."""
+        return [Outcome(int(x)) for x in self.outcome]
+
+    @property
+    def ok(self) -> np.ndarray:
+        """(rows,) converged, and the model describes the record."""
+        return (self.outcome == Outcome.OK) & ~self.misfit
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """A parameter's (rows,) values."""
+        return self.values[:, PARAMETERS.index(name)]
+
+    def error_of(self, name: str) -> np.ndarray:
+        """A parameter's (rows,) standard errors."""
+        return self.stderr[:, PARAMETERS.index(name)]
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """Every number by name, (rows,) each; for CSV and data frames."""
+        found: dict[str, np.ndarray] = {"outcome": np.array([o.word for o in self.outcomes])}
+        for i, name in enumerate(PARAMETERS):
+            found[name], found[f"{name}_stderr"] = self.values[:, i], self.stderr[:, i]
+        found |= {"omega_minus": self.omega[:, 0], "omega_plus": self.omega[:, 1]}
+        found |= {name: self.state[:, i] for i, name in enumerate(STATE)}
+        found |= {"V_e": self.rest[:, 0], "P_e": self.rest[:, 1], "chi_square": self.chi_square}
+        return found | {
+            "n_data": self.n_data,
+            "misfit": self.misfit,
+            "steps": self.steps,
+            "tried": self.tried,
+            "agreeing": self.agreeing,
+        }
+
+    def rows(self) -> list[dict[str, object]]:
+        """The same, one dictionary per record."""
+        columns = self.columns()
+        return [{name: values[i].item() for name, values in columns.items()} for i in range(len(self))]
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """The table as a dataset over `row`; covariance over `row`, `parameter`, `parameter2`.
+
+        Raises:
+            MissingExtra: xarray is not installed.
+        """
+        try:
+            import xarray
+        except ImportError as error:
+            raise MissingExtra(
+                "to_xarray", found="no xarray", expected="the extra `io`", remedy="pip install 'jshell[io]'"
+            ) from error
+        variables: dict[str, Any] = {name: ("row", values) for name, values in self.columns().items()}
+        variables["covariance"] = (("row", "parameter", "parameter2"), self.covariance)
+        names = {"parameter": list(PARAMETERS), "parameter2": list(PARAMETERS)}
+        return xarray.Dataset(variables, coords={"row": np.arange(len(self)), **names})
+
+    def __str__(self) -> str:
+        lines = [f"[[Batch of {len(self)} records]]"]
+        for outcome in sorted(set(self.outcomes)):
+            lines.append(f"    {outcome.word:17} {int(np.sum(self.outcome == outcome)):6}: {outcome.advice}")
+        if self.misfit.any():
+            lines.append(f"    misfit            {int(self.misfit.sum()):6}: the model leaves more than the noise")
+        again = self.tried > 1
+        if again.any():
+            agree = int(np.sum(self.agreeing[again] == self.tried[again]))
+            lines.append(f"    tried again       {int(again.sum()):6}: every start agrees for {agree}")
+        for name in PARAMETERS:
+            good = self[name][self.ok & np.isfinite(self[name])]
+            if good.size:
+                low, middle, high = np.quantile(good, [0.16, 0.5, 0.84])
+                lines.append(f"    {name:17} median {middle:.6g}, 68% in {low:.6g} … {high:.6g}")
+        lines += [f"    row {row}: {words}" for row, words in self.free_directions[:10]]
+        return "\n".join(lines)
+
+
+def read(run, fixed: np.ndarray) -> BatchResult:
+    """The table of a batch that has ended.
+
+    Args:
+        run: The batch.
+        fixed: (4,) which unknowns were fixed.
+    """
+    found, rows = run.found, run.rows
+    outcome = np.full(rows, int(Outcome.UNUSABLE_DATA))
+    blank = lambda *shape: np.full((rows, *shape), np.nan)  # noqa: E731
+    if found is None:
+        none = np.zeros(rows, int)
+        return BatchResult(
+            blank(5), blank(5), blank(5, 5), blank(2), blank(6), blank(2), outcome, blank(), none, none > 0, blank(4),
+            none, none, none, (), run.absolute,
+        )  # fmt: skip
+    u = found.unknowns
+    usable = ~run.unusable & run.buckled
+    finite = usable & np.isfinite(found.cost) & np.all(np.isfinite(u), axis=0)
+    ended = {CONVERGED: Outcome.OK, RUNNING: Outcome.NOT_CONVERGED}
+    outcome = np.array([int(ended.get(int(s), Outcome.STALLED)) for s in found.status])
+    free = ~fixed
+    at_bound = np.any(((u <= run.low[:, None]) | (u >= run.high[:, None])) & free[:, None], axis=0)
+    outcome = np.where((outcome == Outcome.OK) & at_bound, int(Outcome.AT_BOUND), outcome)
+    outcome = np.where(finite, outcome, int(Outcome.NOT_FINITE))
+    outcome = np.where(run.buckled, outcome, int(Outcome.NO_BUCKLED_STATE))
+    outcome = np.where(run.unusable, int(Outcome.UNUSABLE_DATA), outcome)
+
+    values = blank(5)
+    with np.errstate(all="ignore"):
+        tau = np.exp(-u[3])
+        wet = run.viscosity > 0
+        beta1 = np.where(wet, np.exp(u[0]) / (2 * tau * np.where(wet, run.viscosity, 1.0)), np.nan)
+        values[finite] = np.stack([np.exp(u[0]), np.exp(u[1]), u[2], tau, beta1], axis=1)[finite]
+        reduced = found.cost / np.maximum(2 * run.counts - 6 - free.sum(), 1)
+    normal = np.moveaxis(found.normal, -1, 0)[:, free][:, :, free]
+    inverse, deficient = _inverse(np.where(finite[:, None, None], normal, np.eye(int(free.sum()))))
+    scale = np.ones(rows) if run.absolute else np.where(finite, reduced, np.nan)
+
+    # (natural parameters, unknowns): d(alpha1, alpha2, k, tau, beta1)/d(log alpha1, log alpha2, k, log rate)
+    slope = np.zeros((rows, 5, 4))
+    for i, j, factor in ((0, 0, 0), (1, 1, 1), (3, 3, 3), (4, 0, 4), (4, 3, 4)):
+        slope[:, i, j] = values[:, factor] * (-1 if i == 3 else 1)
+    slope[:, 2, 2] = 1.0
+    slope = slope[:, :, free]
+    with np.errstate(all="ignore"):
+        covariance = slope @ (inverse * scale[:, None, None]) @ np.swapaxes(slope, 1, 2)
+        stderr = np.sqrt(np.einsum("rii->ri", covariance))
+
+    directions = []
+    names = tuple(
+        name for name, is_free in zip(("alpha1", "alpha2", "k_vs", "decay rate"), free, strict=True) if is_free
+    )
+    for row in np.flatnonzero(
+        deficient & np.isin(outcome, (int(Outcome.OK), int(Outcome.AT_BOUND), int(Outcome.STALLED)))
+    ):
+        outcome[row] = int(Outcome.RANK_DEFICIENT)
+        size = np.sqrt(np.maximum(np.diag(normal[row]), 1e-300))
+        direction = np.linalg.eigh(normal[row] / np.outer(size, size))[1][:, 0] / size
+        if 2 in np.flatnonzero(free):
+            where = int(np.searchsorted(np.flatnonzero(free), 2))
+            direction[where] /= max(abs(values[row, 2]), 1e-12)
+        words = in_words(direction / np.linalg.norm(direction), names)
+        directions.append((int(row), f"{words} changes nothing in this record: fix one of them"))
+        stderr[row], covariance[row] = np.nan, np.nan
+    even = np.zeros(rows, bool)
+    for bucket in run.buckets:
+        even[bucket.rows] = bucket.elapsed is None
+    with np.errstate(all="ignore"):
+        misfit = finite & (reduced > MISFIT) & (even | run.absolute)
+    lost = ~finite
+    hide = lambda x: np.where(lost.reshape(-1, *[1] * (x.ndim - 1)), np.nan, x)  # noqa: E731
+    start = np.stack([np.exp(found.start[0]), np.exp(found.start[1]), found.start[2], np.exp(-found.start[3])], axis=1)
+    return BatchResult(
+        values, hide(stderr), hide(covariance), hide(found.omega.T), hide(found.state.T), hide(found.rest.T), outcome,
+        hide(found.cost), 2 * run.counts, misfit, hide(start), found.steps, run.tried, run.agreeing, tuple(directions),
+        run.absolute,
+    )  # fmt: skip
+
+
+def _inverse(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Inverses of (rows, n, n) normal matrices, and which of them have a free direction."""
+    size = np.sqrt(np.maximum(np.einsum("rii->ri", normal), 1e-300))
+    unit = normal / (size[:, :, None] * size[:, None, :])
+    n = normal.shape[1]
+    with np.errstate(all="ignore"):
+        determinant = np.linalg.det(unit)
+    doubtful = ~(determinant > 1e-9)
+    deficient = np.zeros(len(normal), bool)
+    for row in np.flatnonzero(doubtful):
+        if not np.all(np.isfinite(unit[row])):
+            deficient[row] = True
+            continue
+        deficient[row] = np.linalg.eigvalsh(unit[row])[0] <= SINGULAR * n
+    safe = np.where(deficient[:, None, None], np.eye(n), unit)
+    return np.linalg.inv(safe) / (size[:, :, None] * size[:, None, :]), deficient

@@ -1,0 +1,277 @@
+"""Models of one record side by side: how many motions does it hold, and does the oscillator explain them?
+
+Every model sees the same samples with the same weights, so that χ², AIC and BIC
+compare. `one`, `two`, `three modes` are sums of damped sinusoids with one decay;
+`modal` is the oscillator through its two frequencies; `strict` is the oscillator itself.
+
+Symbols    χ² misfit   k varied parameters   AIC = N ln(χ²/N) + 2k   BIC = N ln(χ²/N) + k ln N
+"""
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jshell.calibration.noise import Noise, envelope_chance, lag_one, peak_chance, runs
+from jshell.calibration.records import chosen_channels, filled, noise_of, record, rest_state, windowed
+from jshell.calibration.report import FitResult, FitWarning
+from jshell.calibration.trajectories import fit_trajectories
+from jshell.errors import BadName, BadShape, JshellError, Outcome, RangeWarning
+from jshell.signals import rates
+from jshell.signals.damped_pair import Modes, minimum
+from jshell.trace import Trace
+
+MODELS = ("one mode", "two modes", "three modes", "modal", "strict")
+CLEAR = 10.0  # difference of BIC that counts as very strong (Kass & Raftery 1995)
+MOST_STARTS = 12
+
+
+@dataclass(frozen=True)
+class Row:
+    """One model.
+
+    Attributes:
+        name: One of `MODELS`.
+        chi_square, count: Weighted misfit, varied parameters.
+        aic, bic: Smaller is better.
+        left: rms of what is left over rms of the motion, all channels together.
+        over_noise: The same over the noise; None where the noise is not known.
+        white: Whether what is left passes the tests of white noise.
+        outcome: How the fit ended.
+    """
+
+    name: str
+    chi_square: float
+    count: int
+    aic: float
+    bic: float
+    left: float
+    over_noise: float | None
+    white: bool
+    outcome: Outcome
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Models of one record, best BIC first, with what follows in words."""
+
+    rows: tuple[Row, ...]
+    channels: tuple[str, ...]
+    samples: int
+    verdict: str
+
+    def __getitem__(self, name: str) -> Row:
+        for row in self.rows:
+            if row.name == name:
+                return row
+        raise BadName(
+            f"model {name!r}", found="not compared", expected=", ".join(r.name for r in self.rows), remedy="Choose one."
+        )
+
+    def report(self) -> str:
+        """The table as text."""
+        lines = [f"[[Models of {', '.join(self.channels)}, {self.samples} samples]]"]
+        lines.append(
+            f"    {'model':12} {'k':>3} {'χ²':>11} {'AIC':>10} {'BIC':>10} {'left':>7} {'/noise':>7}  residual"
+        )
+        for row in self.rows:
+            noise = "–" if row.over_noise is None else f"{row.over_noise:.2f}"
+            tail = ("white" if row.white else "not white") + (
+                "" if row.outcome == Outcome.OK else f", {row.outcome.word}"
+            )
+            lines.append(
+                f"    {row.name:12} {row.count:3d} {row.chi_square:11.5g} {row.aic:10.4g} {row.bic:10.4g} "
+                f"{100 * row.left:6.2f}% {noise:>7}  {tail}"
+            )
+        return "\n".join([*lines, f"    {self.verdict}"])
+
+    def record(self) -> dict:
+        """The table as a JSON object."""
+        rows = [
+            {
+                "model": row.name,
+                "chi_square": row.chi_square,
+                "n_varied": row.count,
+                "aic": row.aic,
+                "bic": row.bic,
+                "left": row.left,
+                "over_noise": row.over_noise,
+                "white": row.white,
+                "outcome": row.outcome.word,
+            }
+            for row in self.rows
+        ]
+        return {"channels": list(self.channels), "samples": self.samples, "models": rows, "verdict": self.verdict}
+
+
+def compare(
+    trace: Trace,
+    *,
+    channels: Sequence[str] | None = None,
+    equilibrium: str = "plateau",
+    start: float | int | None = None,
+    stop: float | int | None = None,
+) -> Comparison:
+    """Which models describe one record.
+
+    Args:
+        trace: With conditions.
+        channels: Those to read; the strict oscillator joins in where they are V and S.
+        equilibrium: Rest state of the oscillator, `plateau` or `trace`.
+        start, stop: Window, as in `fit_trajectories`.
+
+    Raises:
+        BadName: A channel that the trace does not have.
+        BadValue: A trace that cannot be fitted.
+    """
+    cut = windowed(trace, start, stop)
+    loss, names = chosen_channels(cut, None, channels)
+    one = cut[0]
+    times = np.asarray(one.times, dtype=float)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RangeWarning)
+        offset = float(np.mean(np.asarray(one["V"]))) if "V" in names else None
+        state, _ = rest_state(one, offset, equilibrium, 1)
+    ready = record(one, names, state)
+    weight, data = np.asarray(ready.weight), np.asarray(ready.data)
+    noise = _noise(one, names, ready.uniform)
+    rows = [_modes(count, times, data, weight, noise) for count in (1, 2, 3)]
+    for model in ("modal", *(("strict",) if loss == "strict" else ())):
+        rows.append(_oscillator(model, one, names, equilibrium, data, weight, noise))
+    found = [row for row in rows if row is not None]
+    if not found:
+        raise BadShape("trace", found="no model that fits it", expected="a ring-down", remedy="Choose another window.")
+    found.sort(key=lambda row: row.bic)
+    return Comparison(tuple(found), names, data.size, _verdict(found, noise is not None))
+
+
+def _noise(trace: Trace, names: tuple[str, ...], uniform: bool) -> np.ndarray | None:
+    """(channels,) noise: given, or from sixth differences."""
+    if all(name in trace.sigma for name in names):
+        return np.array([float(np.sqrt(np.mean(np.asarray(trace.sigma[name]) ** 2))) for name in names])
+    if not uniform:
+        return None
+    return np.array([noise_of(np.asarray(trace[name], dtype=float)) for name in names])
+
+
+def _row(
+    name: str, r: np.ndarray, count: int, data: np.ndarray, weight: np.ndarray, noise: np.ndarray | None, end: Outcome
+) -> Row:
+    left = r.reshape(data.shape) / weight
+    chi_square, size = float(r @ r), r.size
+    logarithm = size * np.log(max(chi_square, 1e-250 * size) / size)
+    scatter = data.std(axis=1)
+    over = None if noise is None else float(np.sqrt(np.mean(left**2 / np.maximum(noise, 1e-300)[:, None] ** 2)))
+    tests = [_tested(rows) for rows in left]
+    return Row(
+        name,
+        chi_square,
+        count,
+        float(logarithm + 2 * count),
+        float(logarithm + count * np.log(size)),
+        float(np.sqrt(np.mean(left**2 / scatter[:, None] ** 2))),
+        over,
+        not any(one.correlated or one.coherent for one in tests),
+        end,
+    )
+
+
+def _tested(left: np.ndarray) -> Noise:
+    lag1, z = lag_one(left)
+    return Noise("", left.size, lag1, z, runs(left), 0.0, float(left.size), peak_chance(left), envelope_chance(left))
+
+
+def _oscillator(loss: str, trace: Trace, names: tuple[str, ...], equilibrium: str, data, weight, noise) -> Row | None:
+    """The oscillator, whichever loss; None where it cannot be asked."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", FitWarning)
+        warnings.simplefilter("ignore", RangeWarning)
+        try:
+            found: FitResult = fit_trajectories(
+                trace,
+                loss,
+                channels=names,
+                equilibrium=equilibrium,
+                start=float(np.asarray(trace.times)[0]),
+                noise="white",
+            )
+        except JshellError:
+            return None  # no rest state, or no viscosity for beta1: the sums of sinusoids stand alone
+    # one shape's two frequencies are two numbers, however many constants share them
+    count = found.n_varied - (1 if loss == "modal" else 0)
+    return _row(loss, np.asarray(found.residual), count, data, weight, noise, found.outcome)
+
+
+def _modes(count: int, times: np.ndarray, data: np.ndarray, weight: np.ndarray, noise) -> Row | None:
+    """A sum of damped sinusoids; None where no start comes to rest."""
+    scaled = (data - data.mean(axis=1, keepdims=True)) * weight
+    elapsed = times - times[0]
+    spread = scaled / scaled.std(axis=1, keepdims=True)
+    starts = []
+    for heard in rates(elapsed, np.stack([filled(times, row) for row in spread])):
+        for chosen in combinations(heard[:4], count):
+            starts.append((np.sort(np.imag(chosen)), 1 / max(float(np.mean(-np.real(chosen))), 1e-3)))
+    if not starts:
+        return None
+    starts = starts[:MOST_STARTS]
+    starts += [starts[0]] * (MOST_STARTS - len(starts))  # one compiled program serves every record
+    Omega = jnp.asarray(np.stack([s[0] for s in starts]))
+    tau = jnp.asarray(np.array([s[1] for s in starts]))
+    every = _from_each(jnp.asarray(elapsed), jnp.asarray(scaled.T), Omega, tau)
+    cost = np.where(np.asarray(every.converged), np.asarray(every.power), np.inf)
+    if not np.isfinite(cost).any():
+        return None
+    best: Modes = jax.tree.map(lambda a: a[int(np.argmin(cost))], every)
+    turn = np.outer(np.asarray(best.damped), elapsed)
+    fade = np.exp(-elapsed / float(best.tau))
+    curve = np.asarray(best.offset)[:, None] + fade * (
+        np.asarray(best.cosine).T @ np.cos(turn) + np.asarray(best.sine).T @ np.sin(turn)
+    )
+    varied = count + 1 + data.shape[0] * (2 * count + 1)
+    name = MODELS[count - 1]
+    return _row(name, (curve - scaled).ravel(), varied, data, weight, noise, Outcome.OK)
+
+
+@jax.jit
+def _from_each(times: jax.Array, values: jax.Array, damped: jax.Array, tau: jax.Array) -> Modes:
+    """`minimum` from each start."""
+    return jax.vmap(minimum, in_axes=(None, None, None, 0, 0))(times, values, jnp.ones_like(times), damped, tau)
+
+
+def _verdict(rows: list[Row], noise_known: bool) -> str:
+    """The comparison in plain words."""
+    known = {row.name: row for row in rows}
+    waves = [known[name] for name in MODELS[:3] if name in known]
+    parts = []
+    if waves:
+        fewest = waves[0]
+        for row in waves[1:]:
+            if row.bic < fewest.bic - CLEAR:
+                fewest = row
+        parts.append(f"The record holds {fewest.name.replace(' modes', '').replace(' mode', '')} "
+                     f"mode{'' if fewest.name.startswith('one') else 's'} by BIC")  # fmt: skip
+        if not fewest.white:
+            parts[-1] += ", and even so what is left is not white noise"
+    if "modal" in known and "two modes" in known:
+        if known["modal"].bic <= known["two modes"].bic + CLEAR:
+            parts.append("two frequencies and one decay are all that the modal fit asks, and the record has them")
+        else:
+            parts.append(
+                "the oscillator cannot have the two frequencies of the record: conditions or rest state are off"
+            )
+    if "strict" in known:
+        rivals = [row for row in rows if row.name != "strict"]
+        strict, best = known["strict"], min(rivals, key=lambda row: row.bic, default=None)
+        gap = 0.0 if best is None else strict.bic - best.bic
+        if gap < CLEAR and (strict.white or not noise_known or (strict.over_noise or 0) < 1.5):
+            parts.append("the strict oscillator describes V and S")
+        else:
+            parts.append(
+                f"the strict oscillator does not describe V and S: it leaves {100 * strict.left:.2g}% of the motion "
+                f"(BIC {gap:+.4g} against {best.name if best else 'nothing'}); do not quote its constants"
+            )
+    return "; ".join(parts) + "."

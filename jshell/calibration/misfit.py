@@ -1,0 +1,205 @@
+"""Whether the model describes the records, and which of its modes they hold.
+
+A misfit is motion that the model lacks: more is left than noise explains, or
+what is left turns at one frequency or fades as a motion does. Noise that merely
+remembers its past is told apart: its memory explains all of it.
+
+Symbols    r weighted residual   φ memory of the noise
+"""
+
+import equinox as eqx
+import jax
+import numpy as np
+
+from jshell.calibration.joint import Joint, Piece
+from jshell.calibration.losses import strict_coefficients
+from jshell.calibration.noise import Noise
+from jshell.calibration.records import Record, noise_of
+from jshell.oscillator.linear import matrices, state_matrix
+from jshell.signals import ring_down_start
+from jshell.trace import Trace
+
+MISFIT = 1.5  # residual over noise: sampling scatter of either is below a tenth for a hundred samples
+EXPLAINED = 2.0  # within this factor a memory φ must predict what six differences leave of its noise
+HEARD = 50.0  # of one mode, in χ²: a mode fitted to noise alone takes about 20, and 30 once in a thousand
+
+
+def rows_of(joint: Joint) -> list[tuple[int, int, slice]]:
+    """Record, channel and rows of the residual, in its order."""
+    found, at = [], 0
+    for number, record in enumerate(joint.problem.records):
+        for channel in range(len(record.channels)):
+            size = record.elapsed.size
+            found.append((number, channel, slice(at, at + size)))
+            at += size
+    return found
+
+
+def misfits(joint: Joint, r: np.ndarray, cut: list[Trace], noises: list[Noise], robust: bool) -> list[str]:
+    """Where the model leaves clearly more than the noise, in words."""
+    loss = joint.problem.loss
+    hint = "; the modal loss asks less of it" if loss == "strict" else ""
+    texts = []
+    for (number, channel, rows), noise in zip(rows_of(joint), noises, strict=True):
+        one, trace = joint.problem.records[number], cut[number]
+        name = one.channels[channel]
+        weight, values = np.asarray(one.weight[channel]), np.asarray(one.data[channel])
+        used = weight > 0
+        left = r[rows][used] / weight[used]
+        rms, scatter = _size(left, robust), float(values[used].std())
+        level = _noise(one, trace, channel, name)
+        if rms <= 1e-5 * scatter:
+            continue
+        more = level is not None and rms > MISFIT * level
+        if more and noise.memory > 0 and name not in trace.sigma and _explained(rms, level, noise):
+            continue
+        if more:
+            texts.append(
+                f"misfit: the {loss} model leaves {100 * rms / scatter:.2g}% of the scatter of {name} "
+                f"[{number + 1}], {rms / max(level or 0.0, 1e-300):.2g} times its noise: it does not describe this "
+                "record, and the errors are too small" + hint
+            )
+        elif noise.coherent:
+            what = "turns at one frequency" if noise.peak < noise.envelope else "fades as a motion does"
+            texts.append(
+                f"misfit: what the {loss} model leaves of {name} [{number + 1}], {100 * rms / scatter:.2g}% of its "
+                f"scatter, {what}, as noise does once in {1 / max(min(noise.peak, noise.envelope), 1e-99):.0e} "
+                "records: it does not describe this record" + hint
+            )
+    return texts
+
+
+def _size(left: np.ndarray, robust: bool) -> float:
+    """rms, or what it would be without outliers."""
+    if robust:
+        return float(1.4826 * np.median(np.abs(left)))
+    return float(np.sqrt(np.mean(left**2)))
+
+
+def _noise(one: Record, trace: Trace, channel: int, name: str) -> float | None:
+    """Noise of a channel: given, or from its sixth differences; None where neither is possible."""
+    if name in trace.sigma:
+        weight = np.asarray(one.weight[channel])
+        return float(np.sqrt(np.mean(1 / weight[weight > 0] ** 2)))
+    if not one.uniform:
+        return None
+    return noise_of(np.asarray(trace[name], dtype=float)) or None
+
+
+def _explained(rms: float, level: float | None, noise: Noise) -> bool:
+    """Whether noise of this memory leaves what six differences of the record leave."""
+    binomial = np.array([1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0])
+    overlap = np.correlate(binomial, binomial, "full")
+    kept = float(overlap @ noise.memory ** np.abs(np.arange(-6, 7))) / 924
+    ratio = (level or 0.0) ** 2 / (rms**2 * kept)
+    return not noise.coherent and 1 / EXPLAINED**2 < ratio < EXPLAINED**2
+
+
+def snaps(cut: list[Trace]) -> list[str]:
+    """Windows that begin before the end of a snap."""
+    texts = []
+    for number, trace in enumerate(cut, 1):
+        if np.any(~np.isfinite(np.asarray(next(iter(trace.channels.values()))))):
+            continue
+        begin = ring_down_start(trace)
+        if begin is not None:
+            texts.append(
+                f"misfit: the window of trace {number} begins at t = {float(np.asarray(trace.times)[0]):.4g}, before "
+                f"its ring-down at {begin:.4g}: the motion of a snap is not small; start there, or leave `start` out"
+            )
+    return texts
+
+
+def mode_powers(piece: Piece, linear: list[np.ndarray], design: list[np.ndarray]) -> np.ndarray:
+    """χ² that slow and fast mode take of one trace beyond what the other could take.
+
+    The other may have another amplitude in each channel, another frequency and another decay.
+
+    Args:
+        piece: The trace.
+        linear: Linear parameters of its blocks.
+        design: Weighted bases of its blocks.
+    """
+    powers, one = np.zeros(2), piece.problem.records[0]
+    times = np.asarray(one.elapsed)
+    if piece.problem.loss == "modal":
+        for basis, c in zip(design, linear, strict=True):
+            powers += _apart([basis[:, 1:3], basis[:, 3:5]], [c[1:3], c[3:5]], basis[:, :1], times)
+        return powers
+    values, vectors = np.linalg.eig(np.asarray(_motion(piece)))
+    turning = np.flatnonzero(np.imag(values) > 0)
+    if turning.size < 2:
+        return np.full(2, np.inf)  # overdamped: no mode to speak of
+    start, basis, columns, amplitudes = linear[0][:4], design[0], [], []
+    inverse = np.linalg.inv(vectors)
+    for k in turning[np.argsort(np.abs(values[turning]))]:
+        part, amplitude = vectors[:, k], 2 * (inverse[k] @ start)
+        columns.append(basis[:, :4] @ np.stack([np.real(part), -np.imag(part)], axis=1))
+        amplitudes.append(np.array([np.real(amplitude), np.imag(amplitude)]))
+    for rows in (slice(times.size), slice(times.size, None)):
+        powers += _apart([c[rows] for c in columns], amplitudes, basis[rows, 4:], times)
+    return powers
+
+
+@eqx.filter_jit
+def _motion(piece: Piece) -> jax.Array:
+    """The first-order matrix of a trace's oscillator."""
+    one = piece.problem.records[0]
+    return state_matrix(matrices(strict_coefficients(piece.constants, piece.problem), one.state, one.conditions))
+
+
+def _apart(
+    columns: list[np.ndarray], amplitudes: list[np.ndarray], offsets: np.ndarray, times: np.ndarray
+) -> np.ndarray:
+    """Power of each mode's curve at right angles to the offsets, and to all curves of the other and its neighbours."""
+    powers = []
+    for k in range(2):
+        curve = columns[k] @ amplitudes[k]
+        near = times[:, None] * columns[1 - k]  # what another frequency or decay adds to the other mode
+        other = np.concatenate([columns[1 - k], near, offsets], axis=1)
+        left = curve - other @ np.linalg.lstsq(other, curve, rcond=None)[0]
+        powers.append(float(left @ left))
+    return np.array(powers)
+
+
+def silent_directions(joint: Joint, values: np.ndarray, slopes: np.ndarray, which: int) -> list[np.ndarray]:
+    """Relative changes of the free constants that leave the heard mode as it is.
+
+    A mode shows its frequency, its decay and, where V and S are fitted, how much
+    area goes with how much volume.
+
+    Args:
+        joint: The problem.
+        values: (names,) all parameters.
+        slopes: (names, free) how they follow the free ones.
+        which: 0 where the slow mode is heard, 1 where the fast one is.
+    """
+
+    def shown(p: np.ndarray) -> np.ndarray:
+        found = []
+        for places, one in zip(joint.places, joint.problem.records, strict=True):
+            own = p[list(places)]
+            V, P = (float(x) for x in one.state)
+            kappa, nu = float(one.conditions.kappa), float(one.conditions.poisson_ratio)
+            k2 = own[2] if joint.problem.loss == "modal" else own[2] ** 2
+            m1, m2 = own[0] / (4 * np.pi), 2 * own[1] * V**2 / (9 * np.pi**3)
+            a, b, c = kappa * P / V / m1, 1 / (8 * np.pi * (1 - nu)) / m2, k2 / V**2 / (m1 * m2)
+            root = np.sqrt((a - b) ** 2 / 4 + c)
+            w2 = (a + b) / 2 + (root if which else -root)
+            found += [w2, own[3] if joint.problem.loss == "modal" else own[3] / own[0]]
+            if joint.problem.loss == "strict":
+                found.append((w2 - a) * m1 * V / own[2])  # S over V, from the equation of V
+        return np.array(found)
+
+    at = shown(values)
+    columns = []
+    for j in range(slopes.shape[1]):
+        size = float(np.linalg.norm(slopes[:, j] * values)) or 1.0
+        step = 1e-6 * size * slopes[:, j] / max(float(np.linalg.norm(slopes[:, j])), 1e-300)
+        columns.append((shown(values + step) - shown(values - step)) / (2e-6 * np.maximum(np.abs(at), 1e-300)))
+    J = np.stack(columns, axis=1)
+    if not np.all(np.isfinite(J)):
+        return []
+    _, s, vt = np.linalg.svd(J, full_matrices=True)
+    padded = np.append(s, np.zeros(max(0, J.shape[1] - s.size)))
+    return [row for row, size in zip(vt, padded, strict=True) if size < 1e-6 * padded[0]]

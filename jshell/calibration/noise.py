@@ -1,0 +1,194 @@
+"""What a fit leaves: white noise, noise that remembers, or motion that the model lacks.
+
+Errors of a fit assume that what is left is noise whose samples know nothing of
+each other. Here that is tested, and where it fails an error that remembers its
+past, e_k = φ e_{k-1} + fresh, is estimated by restricted likelihood, which does
+not mistake the directions that the fit has already used up for a short memory.
+
+Symbols    e standardised residual   φ memory from sample to sample   J = ∂r/∂p
+Valid for  samples in time order; a gap of m steps remembers φ^m
+Source     Wald & Wolfowitz 1940 (runs); Fisher 1929 (the largest peak of a periodogram); Mann & Whitney 1947;
+           Patterson & Thompson 1971 (restricted likelihood)
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.special
+
+REMEMBERS = 4.0  # standard errors by which lag-1 or runs must leave white noise: 6 in 100 000 by chance
+STRONGEST = 0.998  # memory beyond which a record is all drift
+COHERENT = 1e-6  # chance of so large a peak, or of so uneven an envelope, in noise
+
+
+@dataclass(frozen=True)
+class Noise:
+    """What is left of one channel of one trace.
+
+    Attributes:
+        channel: Its name, with the trace's number.
+        samples: How many are used.
+        lag1: Autocorrelation at one step; `lag1_z` the same in standard errors of white noise.
+        runs_z: Runs of one sign, in standard errors from what white noise has; negative is too few.
+        memory: φ of the noise model; 0 where the channel passes as white.
+        effective: Samples of white noise that would say as much of a constant, (1-φ)/(1+φ) of them.
+        peak: Chance that noise alone has so large a peak in its spectrum.
+        envelope: Chance that noise alone is so much stronger in one half of the record.
+    """
+
+    channel: str
+    samples: int
+    lag1: float
+    lag1_z: float
+    runs_z: float
+    memory: float
+    effective: float
+    peak: float
+    envelope: float
+
+    @property
+    def correlated(self) -> bool:
+        """Whether it fails the tests of white noise."""
+        return self.lag1_z > REMEMBERS or self.runs_z < -REMEMBERS
+
+    @property
+    def coherent(self) -> bool:
+        """Whether, after its memory is taken out, it still moves as no such noise does."""
+        return min(self.peak, self.envelope) < COHERENT
+
+    def words(self) -> str:
+        """One line of a report."""
+        kind = "taken as white" if self.correlated else "white"
+        if self.memory:
+            kind = f"remembers, φ = {self.memory:.3f}: {self.effective:.0f} samples' worth"
+        return f"{self.channel}: lag-1 {self.lag1:+.3f} ({self.lag1_z:+.1f} σ), runs {self.runs_z:+.1f} σ; {kind}"
+
+
+def taken_as_white(one: Noise) -> Noise:
+    """The same tests, with every sample counted in full."""
+    return replace(one, memory=0.0, effective=float(one.samples))
+
+
+def lag_one(left: np.ndarray) -> tuple[float, float]:
+    """Autocorrelation at one step, and in standard errors of white noise."""
+    e = left - left.mean()
+    power = float(e @ e)
+    value = float(e[1:] @ e[:-1] / power) if power > 0 else 0.0
+    return value, float(value * np.sqrt(e.size))
+
+
+def runs(left: np.ndarray) -> float:
+    """Number of runs of one sign, in standard errors from that of white noise."""
+    sign = left > np.median(left)
+    above, below = int(sign.sum()), int((~sign).sum())
+    total = above + below
+    if min(above, below) < 2:
+        return 0.0
+    found = 1 + int(np.sum(sign[1:] != sign[:-1]))
+    mean = 1 + 2 * above * below / total
+    variance = (mean - 1) * (mean - 2) / (total - 1)
+    return float((found - mean) / np.sqrt(max(variance, 1e-12)))
+
+
+def peak_chance(left: np.ndarray) -> float:
+    """Chance of the largest share that one frequency takes of the power (Fisher's g)."""
+    power = np.abs(np.fft.rfft(left - left.mean())[1 : (left.size + 1) // 2]) ** 2
+    count, total = power.size, power.sum()
+    if count < 4 or total <= 0:
+        return 1.0
+    return float(min(1.0, count * max(0.0, 1 - power.max() / total) ** (count - 1)))
+
+
+def envelope_chance(left: np.ndarray) -> float:
+    """Chance of so uneven sizes in the two halves, by ranks, so that an outlier counts as one."""
+    half, rest = left.size // 2, left.size - left.size // 2
+    _, place, ties = np.unique(np.abs(left), return_inverse=True, return_counts=True)
+    rank = (np.cumsum(ties) - (ties - 1) / 2)[place]
+    beyond = abs(float(np.sum(rank[:half])) - half * (left.size + 1) / 2) - 0.5
+    spread = half * rest / 12 * (left.size + 1 - float(np.sum(ties**3 - ties)) / (left.size * (left.size - 1)))
+    return float(2 * scipy.special.ndtr(-max(beyond, 0.0) / np.sqrt(spread))) if spread > 0 else 1.0
+
+
+def whiten(rows: np.ndarray, memory: np.ndarray | float) -> np.ndarray:
+    """Rows (samples, ...) with the memory taken out; noise keeps its variance, the first sample stays.
+
+    Args:
+        rows: A residual, or the columns of a Jacobian.
+        memory: (samples,) φ over the step that leads to each sample; the first is not used.
+    """
+    phi = np.broadcast_to(np.asarray(memory, dtype=float), rows.shape[:1]).reshape(-1, *(1,) * (rows.ndim - 1))
+    out = np.array(rows, dtype=float)
+    out[1:] = (rows[1:] - phi[1:] * rows[:-1]) / np.sqrt(1 - phi[1:] ** 2)
+    return out
+
+
+def steps_between(times: np.ndarray, used: np.ndarray | None = None) -> np.ndarray:
+    """Length of the step that leads to each sample, in typical steps; infinite from an unused sample."""
+    gaps = np.diff(np.asarray(times, dtype=float))
+    steps = np.append(1.0, gaps / np.median(gaps))
+    if used is not None:
+        before = np.append(True, used[:-1])
+        steps = np.where(before & used, steps, np.inf)
+    return steps
+
+
+def remembered(phi: float, steps: np.ndarray) -> np.ndarray:
+    """φ over steps of other lengths than one."""
+    with np.errstate(divide="ignore"):
+        return np.exp(np.log(max(phi, 1e-300)) * steps) if phi > 0 else np.zeros(steps.size)
+
+
+def estimate_memory(left: np.ndarray, jacobian: np.ndarray, steps: np.ndarray) -> float:
+    """φ of greatest restricted likelihood.
+
+    The residual of a fit remembers less than its noise, since the fit follows
+    the slow part; the restricted likelihood allows for it.
+
+    Args:
+        left: (samples,) residual.
+        jacobian: (samples, parameters) of the residual.
+        steps: From `steps_between`.
+    """
+    length = np.linalg.norm(jacobian, axis=0)
+    u, s, _ = np.linalg.svd(jacobian[:, length > 0] / length[length > 0], full_matrices=False)
+    basis = u[:, s > 1e-9 * s[0]] if s.size else u[:, :0]
+    count = left.size - basis.shape[1]
+    if count < 8:
+        return 0.0
+
+    def cost(phi: float) -> float:
+        memory = remembered(phi, steps)
+        r, B = whiten(left, memory), whiten(basis, memory)
+        q, upper = np.linalg.qr(B)
+        rest = r - q @ (q.T @ r)
+        log_fresh = float(np.sum(np.log(1 - memory[1:] ** 2)))
+        log_used = 2 * float(np.sum(np.log(np.abs(np.diag(upper)) + 1e-300)))
+        return 0.5 * (log_fresh + log_used + count * np.log(max(float(rest @ rest), 1e-300)))
+
+    from scipy.optimize import minimize_scalar  # here: it is slow to load, and few need it
+
+    found = minimize_scalar(cost, bounds=(0.0, STRONGEST), method="bounded", options={"xatol": 1e-4})
+    return float(found.x)
+
+
+def examine(name: str, left: np.ndarray, jacobian: np.ndarray, times: np.ndarray, weight: np.ndarray) -> Noise:
+    """The tests, and the memory where they fail.
+
+    Args:
+        name: Of the channel.
+        left: (samples,) weighted residual.
+        jacobian: (samples, parameters) of it.
+        times: (samples,).
+        weight: (samples,); 0 where a sample is not used.
+    """
+    used = weight > 0
+    kept = left[used]
+    lag1, lag1_z = lag_one(kept)
+    runs_z = runs(kept)
+    plain = Noise(name, kept.size, lag1, lag1_z, runs_z, 0.0, float(kept.size), 1.0, 1.0)
+    memory, steps = 0.0, steps_between(times, used)
+    if plain.correlated:
+        memory = estimate_memory(left, jacobian, steps)
+    fresh = whiten(left, remembered(memory, steps))[used]
+    effective = kept.size * (1 - memory) / (1 + memory)
+    return Noise(name, kept.size, lag1, lag1_z, runs_z, memory, effective, peak_chance(fresh), envelope_chance(fresh))

@@ -1,0 +1,334 @@
+"""The constants from large motions: many traces fitted at once by the nonlinear model.
+
+Each trace has eight unknowns, four constants and its own initial state; its
+volume and area follow the nonlinear equation of motion. The equation and its
+eight tangents are integrated together, a batch of traces in the last axis, by
+fixed steps (`rk4`) or trace by trace by the adaptive solver (`diffrax`).
+
+Symbols    u = (ln α1, ln α2, k_VS, ln β1, ΔV, ΔS, ΔV̇, ΔṠ)   r weighted residual   J = ∂r/∂u   λ damping of the step
+Valid for  V and S of buckled shells on one even grid of times; equal decay ties β2
+Source     Mokbel et al. 2021: eq:Lag with eq:T, eq:Ug, eq:US, eq:D; Nielsen 1999 for λ
+"""
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jshell.calibration.least_squares import value_and_jacobian
+from jshell.calibration.records import Record, noise_of
+from jshell.calibration.starts import find_modes, strict_start
+from jshell.errors import BadName, BadShape, BadValue, Outcome, RangeWarning
+from jshell.oscillator.coefficients import Coefficients
+from jshell.oscillator.fixed import rk4
+from jshell.oscillator.motion import Driven
+from jshell.oscillator.simulate import integrate, is_uniform
+from jshell.shell.elasticity import SPHERE_AREA
+from jshell.shell.parameters import Reduced
+from jshell.shell.rest import RestState, buckled_state
+from jshell.trace import Trace
+
+SOLVERS = ("rk4", "diffrax")
+NAMES = ("alpha1", "alpha2", "k_vs", "beta1")
+UNKNOWNS = 8
+RESOLVED = 0.12  # ω₊ h of the fixed step: 1e-5 of the motion over ten periods
+SETTLED = 1e-7  # share of χ² that the last step promised; of 800 samples it moved by a hundredth of σ, the rest less
+RUNNING = -1
+OPTIONS = (1e-8, 1e-10, "forward")
+
+
+@dataclass(frozen=True)
+class NonlinearFits:
+    """Fits of many traces, a row each.
+
+    Attributes:
+        constants: (traces, 4) α1, α2, k_VS, β1; NaN where the outcome is not ok.
+        stderr: (traces, 4) standard errors.
+        initial: (traces, 4) ΔV, ΔS, ΔV̇, ΔṠ at the first sample.
+        chi_square: (traces,) sum of squared weighted residuals.
+        outcome: How each ended.
+        steps: (traces,) steps tried.
+        solver: Its name, and its step.
+    """
+
+    constants: np.ndarray
+    stderr: np.ndarray
+    initial: np.ndarray
+    chi_square: np.ndarray
+    outcome: tuple[Outcome, ...]
+    steps: np.ndarray
+    solver: str
+
+    def coefficients(self, index: int) -> Coefficients:
+        """The constants of one trace, β2 tied by equal decay."""
+        alpha1, alpha2, k_vs, beta1 = (float(x) for x in self.constants[index])
+        return Coefficients(alpha1, alpha2, k_vs, beta1)
+
+
+class Lanes(eqx.Module):
+    """Traces side by side: data (2, times, traces), the problem and rest state of each, and 1/σ (2, traces)."""
+
+    data: Float[Array, "2 times traces"]
+    weight: Float[Array, "2 traces"]
+    conditions: Reduced
+    state: RestState
+    step: Float[Array, ""]
+
+
+class Lane(eqx.Module):
+    """One trace: data (2, times), its problem and rest state, and 1/σ (2,)."""
+
+    data: Float[Array, "2 times"]
+    weight: Float[Array, "2"]
+    conditions: Reduced
+    state: RestState
+    step: Float[Array, ""]
+
+
+def fit_nonlinear(traces: Trace | Sequence[Trace], *, solver: str = "rk4", max_steps: int = 40) -> NonlinearFits:
+    """Fit the nonlinear model to V and S of many traces.
+
+    Starts come from a matrix pencil through the linear model's equations.
+
+    Args:
+        traces: With conditions, channels V and S, all on one even grid of times.
+        solver: `rk4`: fixed steps, all traces together; `diffrax`: adaptive steps.
+        max_steps: Most steps tried.
+
+    Returns:
+        A row per trace. Errors are absolute where every trace gives σ of V and S, else scaled by the reduced χ².
+        Outcomes: ok; unusable_data (no two modes to start from); no_buckled_state; not_converged; stalled;
+        rank_deficient.
+
+    Raises:
+        BadName: No such solver; a channel that is missing.
+        BadShape: Times that differ, or are not even.
+        BadValue: A trace without conditions or viscosity, or with numbers that are not finite.
+    """
+    if solver not in SOLVERS:
+        raise BadName(f"solver {solver!r}", found="no such solver", expected=" or ".join(SOLVERS), remedy="Choose one.")
+    listed = [traces] if isinstance(traces, Trace) else list(traces)
+    times, data, weight, absolute = _read(listed)
+    conditions = [trace.conditions for trace in listed if trace.conditions is not None]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RangeWarning)
+        shells = jax.tree.map(lambda *leaves: jnp.asarray(np.array([float(x) for x in leaves])), *conditions)
+        state = jax.jit(buckled_state)(shells)
+    starts, fastest = _starts(times, data, weight, conditions, state)
+
+    usable = np.all(np.isfinite(starts), axis=0)
+    spacing = float(times[-1] - times[0]) / (times.size - 1)
+    substeps = max(1, int(np.ceil(spacing * fastest / RESOLVED)))
+    lanes = Lanes(jnp.asarray(data), jnp.asarray(weight), shells, state, jnp.asarray(spacing))
+    safe = np.where(usable, starts, np.array([1.0, 0.0, 0.1, 1.0, 0.0, 0.0, 0.0, 0.0])[:, None])
+    u, cost, normal, status, count = _descend(lanes, jnp.asarray(safe), solver, substeps, max_steps)
+    told = f"rk4, {substeps} steps a sample" if solver == "rk4" else "diffrax dopri8"
+    ended = _Ended(*(np.asarray(part) for part in (u, cost, normal, status, count)))
+    return _result(ended, usable, np.asarray(state.volume), 2 * times.size, absolute, told)
+
+
+def _read(traces: list[Trace]) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool]:
+    """Common times, data (2, times, traces), weights (2, traces), and whether σ was given."""
+    if not traces:
+        raise BadValue("traces", found="none", expected="at least one", remedy="Give a trace.")
+    times = np.asarray(traces[0].times, dtype=float)
+    columns, weights, given = [], [], True
+    for number, trace in enumerate(traces, 1):
+        if trace.conditions is None or not float(trace.conditions.viscosity) > 0:
+            raise BadValue(
+                f"trace {number}",
+                found="no conditions, or a viscosity of 0",
+                expected="conditions with a viscosity, which beta1 multiplies",
+                remedy="Build the trace with conditions=Reduced(…).",
+            )
+        mine = np.asarray(trace.times, dtype=float)
+        if (
+            mine.shape != times.shape
+            or mine.size < 16
+            or not is_uniform(mine)
+            or not np.allclose(mine - mine[0], times - times[0], rtol=1e-9, atol=1e-12)
+        ):
+            raise BadShape(
+                f"trace {number}",
+                found=f"{mine.size} times of its own",
+                expected="one even grid of at least 16 times for all traces",
+                remedy="Resample the traces, or fit them in groups.",
+            )
+        rows = np.stack([np.asarray(trace[name], dtype=float) for name in ("V", "S")])
+        if not np.all(np.isfinite(rows)):
+            raise BadValue(f"trace {number}", found="NaN", expected="finite samples", remedy="Cut the trace.")
+        given &= all(name in trace.sigma for name in ("V", "S"))
+        if given:
+            noise = [float(np.mean(np.asarray(trace.sigma[name]))) for name in ("V", "S")]
+        else:
+            noise = [max(noise_of(row), 1e-3 * row.std(), 1e-12) for row in rows]
+        columns.append(rows)
+        weights.append(1 / np.array(noise))
+    return times, np.stack(columns, axis=-1), np.stack(weights, axis=-1), given
+
+
+def _starts(times: np.ndarray, data: np.ndarray, weight: np.ndarray, conditions: list, state: RestState):
+    """(unknowns, traces) from the modes of each trace, NaN where there are none; and the fastest pulsation."""
+    elapsed = times - times[0]
+    on_device = jnp.asarray(elapsed)
+    starts, fastest = np.full((UNKNOWNS, data.shape[2]), np.nan), 1.0
+    V_e, P_e = (np.asarray(part) for part in state)
+    for i, shell in enumerate(conditions):
+        modes = find_modes(elapsed, data[:, :, i])
+        if modes is None or not np.isfinite(V_e[i]):
+            continue
+        rest = RestState(jnp.asarray(V_e[i]), jnp.asarray(P_e[i]))
+        rows = (on_device, jnp.asarray(data[:, :, i]), jnp.asarray(weight[:, i]))
+        one = Record(*rows, shell, rest, ("V", "S"), True)
+        alpha1, alpha2, k_vs, beta1 = strict_start([one], [modes], {})
+        moves = np.real(modes.amplitudes.sum(axis=1)) + modes.offsets - np.array([V_e[i], SPHERE_AREA])
+        rates = np.real((modes.amplitudes * modes.poles).sum(axis=1))
+        starts[:, i] = [np.log(alpha1), np.log(alpha2), k_vs, np.log(max(beta1, 1e-3)), *moves, *rates]
+        fastest = max(fastest, float(np.abs(modes.poles).max()))
+    return starts, fastest
+
+
+def _driven(u: Any, lanes: Lanes | Lane) -> Driven:
+    c = Coefficients(jnp.exp(u[0]), jnp.exp(u[1]), u[2], jnp.exp(u[3]))
+    return Driven(lanes.conditions, c, lanes.state)
+
+
+def _marched(u: Float[Array, "8 traces"], lanes: Lanes, substeps: int) -> Float[Array, "2 times traces"]:
+    """V and S by fixed steps."""
+    driven, h = _driven(u, lanes), lanes.step / substeps
+
+    def sample(y, _):
+        y, _ = jax.lax.scan(lambda y, _: (rk4(driven.rate, 0.0, y, h), None), y, None, length=substeps)
+        return y, (y.V, y.S)
+
+    start = driven.begin(tuple(u[4:]))
+    _, (V, S) = jax.lax.scan(sample, start, None, length=lanes.data.shape[1] - 1)
+    return jnp.stack([jnp.concatenate([start.V[None], V]), jnp.concatenate([start.S[None], S])])
+
+
+def _residual(u: Float[Array, "8 traces"], lanes: Lanes, substeps: int) -> Float[Array, "2 times traces"]:
+    return lanes.weight[:, None, :] * (_marched(u, lanes, substeps) - lanes.data)
+
+
+def _adaptive_residual(u: Float[Array, "8"], lane: Lane) -> Float[Array, " data"]:
+    """The same of one trace, by diffrax."""
+    driven = _driven(u, lane)
+    times = lane.step * jnp.arange(lane.data.shape[1])
+
+    def field(t, y, args):
+        rate = driven.rate(t, driven.begin()._replace(V=y[0], S=y[1], dV=y[2], dS=y[3]))
+        return jnp.stack(rate[:4])
+
+    y, worked = integrate(field, jnp.stack(driven.begin(tuple(u[4:]))[:4]), times, None, OPTIONS)
+    r = lane.weight[:, None] * (y[:, :2].T - lane.data)
+    return jnp.where(worked, r, jnp.nan).ravel()
+
+
+def _evaluate(u: jax.Array, lanes: Lanes, solver: str, substeps: int):
+    """Cost (traces,), gradient (traces, 8) and JᵀJ (traces, 8, 8); an infinite cost where the motion is none."""
+    if solver == "rk4":
+        function = lambda u: _residual(u, lanes, substeps)  # noqa: E731
+        push = lambda k: jax.jvp(function, (u,), (jnp.zeros_like(u).at[k].set(1.0),))  # noqa: E731
+        r, J = jax.vmap(push, out_axes=(None, 0))(jnp.arange(UNKNOWNS))
+        cost = jnp.sum(r * r, axis=(0, 1))
+        g = jnp.sum(J * r[None], axis=(1, 2)).T
+        A = jnp.moveaxis(jnp.sum(J[:, None] * J[None], axis=(2, 3)), -1, 0)
+    else:
+
+        def one(
+            u: jax.Array, data: jax.Array, weight: jax.Array, shell: Reduced, state: RestState
+        ) -> tuple[jax.Array, jax.Array]:
+            return value_and_jacobian(lambda u: _adaptive_residual(u, Lane(data, weight, shell, state, lanes.step)), u)
+
+        r, J = jax.vmap(one, in_axes=(1, 2, 1, 0, 0))(u, lanes.data, lanes.weight, lanes.conditions, lanes.state)
+        cost, g, A = jnp.sum(r * r, axis=1), jnp.einsum("ldk,ld->lk", J, r), jnp.einsum("ldk,ldm->lkm", J, J)
+    sound = jnp.isfinite(cost) & jnp.all(jnp.isfinite(A), axis=(1, 2))
+    clean = lambda part: jnp.where(sound.reshape(-1, *(1,) * (part.ndim - 1)), part, 0.0)  # noqa: E731
+    return jnp.where(sound, cost, jnp.inf), clean(g), clean(A)
+
+
+@eqx.filter_jit
+def _descend(lanes: Lanes, start: Float[Array, "8 traces"], solver: str, substeps: int, max_steps: int):
+    """Levenberg and Marquardt's method on every trace; finished ones wait."""
+
+    def step(state):
+        u, cost, g, A, scale, damping, growth, count, status = state
+        running = status == RUNNING
+        scale = jnp.maximum(scale, jnp.diagonal(A, axis1=1, axis2=2))
+        weight = jnp.where(scale > 0, scale, 1.0)
+        H = A + (damping[:, None] * weight)[:, :, None] * jnp.eye(UNKNOWNS)[None]
+        moved = -jnp.linalg.solve(H, g[:, :, None])[:, :, 0]
+        moved = jnp.where(jnp.isfinite(moved), moved, 0.0)
+        promised = -(2 * jnp.sum(g * moved, axis=1) + jnp.einsum("li,lij,lj->l", moved, A, moved))
+        trial = u + moved.T
+        new_cost, new_g, new_A = _evaluate(trial, lanes, solver, substeps)
+        better = (new_cost < cost) & (promised > 0) & running
+        gain = (cost - new_cost) / jnp.where(promised > 0, promised, jnp.inf)
+        eased = jnp.maximum(damping * jnp.maximum(1 / 3, 1 - (2 * gain - 1) ** 3), 1e-14)
+        settled = (promised <= SETTLED * cost) | jnp.all(jnp.abs(moved.T) <= 1e-9 * (0.1 + jnp.abs(u)), axis=0)
+        ended = jnp.where(settled, int(Outcome.OK), jnp.where(damping > 1e14, int(Outcome.STALLED), RUNNING))
+        pick = lambda new, old: jnp.where(better.reshape(-1, *(1,) * (new.ndim - 1)), new, old)  # noqa: E731
+        damping = jnp.where(running, jnp.where(better, eased, damping * growth), damping)
+        growth = jnp.where(better, 2.0, 2 * growth)
+        return (
+            jnp.where(better, trial, u), pick(new_cost, cost), pick(new_g, g), pick(new_A, A),
+            scale, damping, growth, count + running, jnp.where(running, ended, status),
+        )  # fmt: skip
+
+    cost, g, A = _evaluate(start, lanes, solver, substeps)
+    like = jnp.zeros_like(cost)
+    none = jnp.zeros(cost.shape, int)
+    first_status = jnp.where(jnp.isfinite(cost), RUNNING, int(Outcome.STALLED))
+    first = (start, cost, g, A, jnp.zeros_like(g), like + 1e-3, like + 2.0, none, first_status)
+    busy = lambda state: jnp.any(state[-1] == RUNNING) & (jnp.max(state[-2]) < max_steps)  # noqa: E731
+    u, cost, _, A, *_, count, status = jax.lax.while_loop(busy, step, first)
+    return u, cost, A, jnp.where(status == RUNNING, int(Outcome.NOT_CONVERGED), status), count
+
+
+@dataclass(frozen=True)
+class _Ended:
+    """Where the descent stopped, as NumPy arrays."""
+
+    unknowns: np.ndarray
+    cost: np.ndarray
+    normal: np.ndarray
+    status: np.ndarray
+    count: np.ndarray
+
+
+def _result(
+    ended: _Ended, usable: np.ndarray, volume: np.ndarray, size: int, absolute: bool, solver: str
+) -> NonlinearFits:
+    u = ended.unknowns
+    alpha1, alpha2, beta1 = np.exp(np.clip(u[[0, 1, 3]], -700, 700))  # a hopeless trace may have run anywhere
+    constants = np.stack([alpha1, alpha2, u[2], beta1], axis=1)
+    slope = np.stack([constants[:, 0], constants[:, 1], np.ones(len(constants)), constants[:, 3]], axis=1)
+    stderr, outcomes = np.full(constants.shape, np.nan), []
+    for i, status in enumerate(ended.status):
+        outcome = Outcome(int(status))
+        if not np.isfinite(volume[i]):
+            outcome = Outcome.NO_BUCKLED_STATE
+        elif not usable[i]:
+            outcome = Outcome.UNUSABLE_DATA
+        elif outcome == Outcome.OK:
+            scale = np.sqrt(np.maximum(np.diagonal(ended.normal[i]), 1e-300))
+            unit = ended.normal[i] / np.outer(scale, scale)
+            if np.linalg.eigvalsh(unit)[0] < 1e-10:
+                outcome = Outcome.RANK_DEFICIENT
+            else:
+                spread = np.sqrt(np.diagonal(np.linalg.inv(unit))) / scale
+                factor = 1.0 if absolute else np.sqrt(ended.cost[i] / (size - UNKNOWNS))
+                stderr[i] = spread[:4] * factor * slope[i]
+        outcomes.append(outcome)
+    good = np.array([outcome == Outcome.OK for outcome in outcomes])[:, None]
+    hide = lambda part: np.where(good, part, np.nan)  # noqa: E731
+    return NonlinearFits(
+        hide(constants), hide(stderr), hide(u[4:].T), np.where(good[:, 0], ended.cost, np.nan), tuple(outcomes),
+        ended.count, solver,
+    )  # fmt: skip

@@ -1,0 +1,123 @@
+"""What a fit minimised, kept so that others can walk around its minimum.
+
+Profiles, bootstraps, posteriors and other minimisers need the same residual,
+the same parameters and the same scale as the fit; they find them here.
+
+Symbols    u unknowns as the solver sees them   r weighted residual, linear parameters eliminated
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jshell.calibration import joint as joints
+from jshell.calibration.joint import Joint
+from jshell.calibration.least_squares import Ending, from_many_starts
+from jshell.calibration.parameters import Unknowns
+
+
+class Objective(eqx.Module):
+    """A sum of squares and its minimum.
+
+    Attributes:
+        residual: Function of the unknowns and `args`, at module level; the last `priors` rows are of priors.
+        args: Parameters and data.
+        space: The parameters.
+        values: (names,) at the minimum.
+        absolute: Whether the weights are known errors.
+        count: Number of data.
+        linear: Number of linear parameters that the residual eliminates.
+        priors: Number of rows that priors add.
+        loss: The robust loss, or nothing.
+        share: Per record, (channels, times) roots of how much that loss lets each sample count.
+    """
+
+    residual: Callable = eqx.field(static=True)
+    args: Any
+    space: Unknowns
+    values: np.ndarray
+    absolute: bool = eqx.field(static=True)
+    count: int = eqx.field(static=True)
+    linear: int = eqx.field(static=True, default=0)
+    priors: int = eqx.field(static=True, default=0)
+    loss: str = eqx.field(static=True, default="")
+    share: tuple[np.ndarray, ...] | None = None
+
+    @staticmethod
+    def of_traces(
+        joint: Joint,
+        space: Unknowns,
+        values: np.ndarray,
+        absolute: bool,
+        loss: str = "",
+        share: tuple[np.ndarray, ...] | None = None,
+    ) -> "Objective":
+        """That of a trace fit."""
+        records = joint.problem.records
+        count = int(sum(np.sum(np.asarray(one.weight) > 0) for one in records))
+        strict = joint.problem.loss == "strict"
+        linear = sum(6 if strict else 5 * len(one.channels) for one in records)
+        return Objective(
+            joints.residual, (space, joint), space, values, absolute, count, linear, len(joint.prior_at), loss, share
+        )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The free parameters as a report names them."""
+        return tuple(name.replace("k_vs_squared", "k_vs") for name in self.space.free)
+
+    @property
+    def best(self) -> np.ndarray:
+        """(free,) the minimum, as the solver sees it."""
+        return self.space.seen(np.asarray(self.values)[None])[0]
+
+    @property
+    def freedom(self) -> int:
+        """Data less parameters."""
+        return max(1, self.count - len(self.space.free) - self.linear)
+
+    @property
+    def cost(self) -> float:
+        """χ² at the minimum, priors included."""
+        r = np.asarray(evaluate(self.residual, self.args, jnp.asarray(self.best)))
+        return float(r @ r)
+
+    @property
+    def variance(self) -> float:
+        """Of the weighted residual: 1 where errors are absolute, the reduced χ² where they are scaled."""
+        if self.absolute:
+            return 1.0
+        r = np.asarray(evaluate(self.residual, self.args, jnp.asarray(self.best)))
+        r = r[: r.size - self.priors]
+        return float(r @ r) / self.freedom
+
+    def seen(self, name: str, value: float) -> float:
+        """A reported value of a free parameter, as the solver sees it."""
+        inner = self.space.free[self.names.index(name)]
+        value = value**2 if inner.startswith("k_vs_squared") else value
+        return float(np.log(value)) if inner in self.space.positive else float(value)
+
+    def shown(self, u: np.ndarray) -> np.ndarray:
+        """Free parameters as reported, from what the solver sees; (..., free)."""
+        columns = []
+        for i, name in enumerate(self.space.free):
+            value = np.exp(u[..., i]) if name in self.space.positive else u[..., i]
+            columns.append(np.sqrt(np.maximum(value, 0.0)) if name.startswith("k_vs_squared") else value)
+        return np.stack(columns, axis=-1)
+
+    def minimise(self, starts: np.ndarray, low: np.ndarray | None = None, high: np.ndarray | None = None) -> Ending:
+        """Minimise again from other places or within other bounds; the same compiled program for all."""
+        least = np.asarray(self.space.low if low is None else low)
+        most = np.asarray(self.space.high if high is None else high)
+        inside = jnp.asarray(np.clip(starts, least, most))
+        return from_many_starts(self.residual, self.args, inside, jnp.asarray(least), jnp.asarray(most), max_steps=100)
+
+
+@eqx.filter_jit
+def evaluate(residual: Callable, args: Any, u: jax.Array) -> jax.Array:
+    """The residual, compiled."""
+    return residual(u, args)

@@ -1,0 +1,176 @@
+"""The posterior of a fit's constants, drawn by NUTS.
+
+Likelihood: normal noise about the model; what enters linearly is integrated
+out under a flat prior, which for a normal likelihood is the projection and the
+determinant of the basis; where errors are scaled, the noise's variance is
+drawn too, under Jeffreys' prior. Prior: flat in the logarithm of positive
+constants and in k_VS (in k_VS², where only that is known), the fit's bounds,
+and the priors the fit was given.
+
+Source     Hoffman & Gelman 2014; sampler: NumPyro. Groups as ArviZ reads them.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jshell.calibration.joint import Joint, blocks
+from jshell.calibration.least_squares import value_and_jacobian
+from jshell.calibration.objective import Objective
+from jshell.calibration.report import FitResult
+from jshell.errors import BadValue, MissingExtra
+from jshell.io.records import write_groups
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Draws.
+
+    Attributes:
+        names: The varied parameters.
+        draws: (chains, draws, names).
+        noise: (chains, draws) of the noise, in units of the weights' σ; ones where errors were given.
+        diverging: (chains, draws) whether the sampler lost its way.
+        r_hat: (names,) agreement of the chains, 1 at best.
+        effective: (names,) draws that are worth an independent one.
+        seed: Of the draws.
+    """
+
+    names: tuple[str, ...]
+    draws: np.ndarray
+    noise: np.ndarray
+    diverging: np.ndarray
+    r_hat: np.ndarray
+    effective: np.ndarray
+    seed: int
+
+    @property
+    def sound(self) -> bool:
+        """Whether chains agree and none lost its way."""
+        return bool(np.all(self.r_hat < 1.05) and not self.diverging.any())
+
+    def interval(self, name: str, level: float | int = 0.95) -> tuple[float, float]:
+        """Equal tails."""
+        column = self.draws[:, :, self.names.index(name)].ravel()
+        low, high = np.quantile(column, [(1 - level) / 2, (1 + level) / 2])
+        return float(low), float(high)
+
+    def report(self, level: float | int = 0.95) -> str:
+        """The intervals as text."""
+        chains, draws = self.draws.shape[:2]
+        lines = [f"[[Posterior, {chains} chains of {draws} draws, seed {self.seed}, {100 * level:g}%]]"]
+        for i, name in enumerate(self.names):
+            low, high = self.interval(name, level)
+            lines.append(
+                f"    {name}: {self.draws[:, :, i].mean():.6g} ± {self.draws[:, :, i].std():.4g}, "
+                f"{low:.6g} to {high:.6g}, R̂ {self.r_hat[i]:.3f}, worth {self.effective[i]:.0f} draws"
+            )
+        if not self.sound:
+            lines.append(f"    not to be trusted: {self.diverging.sum()} divergences, R̂ up to {self.r_hat.max():.3f}")
+        return "\n".join(lines)
+
+    def to_netcdf(self, path: str | Path) -> Path:
+        """Write the groups `posterior` and `sample_stats`; `arviz.from_netcdf` reads them.
+
+        Raises:
+            MissingExtra: Without the extra `io`.
+        """
+        shape = ("chain", "draw")
+        steps = {"chain": (("chain",), np.arange(self.draws.shape[0])),
+                 "draw": (("draw",), np.arange(self.draws.shape[1]))}  # fmt: skip
+        values = {name: (shape, self.draws[:, :, i]) for i, name in enumerate(self.names)}
+        groups = {
+            "posterior": steps | values | {"noise": (shape, self.noise)},
+            "sample_stats": steps | {"diverging": (shape, self.diverging)},
+        }
+        return write_groups(path, groups, created_by="jshell")
+
+
+def posterior(result: FitResult, draws: int = 1000, *, warmup: int = 500, chains: int = 2, seed: int = 0) -> Posterior:
+    """Draw from the posterior, starting at the fit.
+
+    Args:
+        result: Of a fit in this process.
+        draws: Of each chain.
+        warmup: Of each chain, before its draws.
+        chains: One after the other.
+        seed: Of the draws.
+
+    Raises:
+        MissingExtra: NumPyro is not installed.
+        BadValue: A result read from a file; a robust fit; fewer than 50 draws.
+    """
+    objective = result.asked()
+    if objective.loss:
+        raise BadValue("posterior", found="a robust fit", expected="least squares", remedy="Use bootstrap instead.")
+    if draws < 50 or warmup < 50 or chains < 1:
+        raise BadValue(
+            "draws", found=f"{draws}, {warmup}, {chains}", expected="50, 50 and 1 at least", remedy="Ask more."
+        )
+    try:
+        from numpyro.diagnostics import effective_sample_size, gelman_rubin, split_gelman_rubin
+        from numpyro.infer import MCMC, NUTS
+    except ImportError:
+        raise MissingExtra(
+            "numpyro", found="not installed", expected="the extra `bayes`", remedy="pip install 'jshell[bayes]'"
+        ) from None
+
+    # unknowns in standard errors about the minimum, so that the sampler's first steps fit
+    best = jnp.asarray(objective.best)
+    half = _half(objective)
+    size = best.size
+    variance = objective.variance
+    energy = lambda z: _energy(objective, best + half @ z[:size], z[size:], variance)  # noqa: E731
+    first = jnp.concatenate([jnp.zeros(size), jnp.zeros(0 if objective.absolute else 1)])
+    scatter = jax.random.normal(jax.random.PRNGKey(seed + 1), (chains, first.size)) * 0.3
+    inits = first[None] + scatter if chains > 1 else first + scatter[0]
+    kernel = NUTS(potential_fn=energy)
+    sampler = MCMC(
+        kernel, num_warmup=warmup, num_samples=draws, num_chains=chains, chain_method="sequential", progress_bar=False
+    )
+    sampler.run(jax.random.PRNGKey(seed), init_params=inits, extra_fields=("diverging",))
+    z = np.asarray(sampler.get_samples(group_by_chain=True))
+    u = np.asarray(best) + z[..., :size] @ np.asarray(half).T
+    noise = np.ones(z.shape[:2]) if objective.absolute else np.sqrt(variance) * np.exp(z[..., size])
+    shown = objective.shown(u)
+    agreement = gelman_rubin if chains > 1 else split_gelman_rubin
+    return Posterior(
+        objective.names,
+        shown,
+        noise,
+        np.asarray(sampler.get_extra_fields(group_by_chain=True)["diverging"]),
+        np.array([float(agreement(shown[..., i])) for i in range(size)]),
+        np.array([float(effective_sample_size(shown[..., i])) for i in range(size)]),
+        seed,
+    )
+
+
+def _half(objective: Objective) -> jax.Array:
+    """A root of the covariance of the unknowns."""
+    _, J = value_and_jacobian(lambda u: objective.residual(u, objective.args), jnp.asarray(objective.best))
+    J = np.asarray(J) / np.sqrt(max(objective.variance, 1e-300))
+    values, vectors = np.linalg.eigh(J.T @ J)
+    return jnp.asarray(vectors / np.sqrt(np.maximum(values, 1e-12 * values.max())))
+
+
+def _energy(objective: Objective, u: jax.Array, log_noise: jax.Array, variance: float) -> jax.Array:
+    """Minus the logarithm of the posterior; infinite outside the bounds."""
+    r = objective.residual(u, objective.args)
+    split = r.size - objective.priors
+    chi_square, known = jnp.sum(r[:split] ** 2), jnp.sum(r[split:] ** 2)
+    energy = 0.5 * known
+    if log_noise.size:
+        scale = jnp.exp(log_noise[0])
+        energy += 0.5 * chi_square / (variance * scale**2)
+        energy += (objective.count - objective.linear) * log_noise[0]
+    else:
+        energy += 0.5 * chi_square
+    args = objective.args
+    if isinstance(args[1], Joint):
+        for basis, _ in blocks(args[0].natural(u), args[1]):
+            energy += 0.5 * jnp.linalg.slogdet(basis.T @ basis)[1]
+    inside = jnp.all((u >= objective.space.low) & (u <= objective.space.high))
+    return jnp.where(inside & jnp.isfinite(energy), energy, jnp.inf)

@@ -1,0 +1,220 @@
+"""Many records of V and S, as arrays: what a batch fit reads.
+
+Records go together in blocks of one padded length; few lengths serve all, so
+that few programs are compiled.
+
+Symbols    V volume [R0³]   S area [R0²]   times [sqrt(ρ_f R0³/(E d))]
+"""
+
+import warnings
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import numpy as np
+
+from jshell.errors import BadShape, BadValue, RangeWarning
+from jshell.oscillator.simulate import is_buckled, is_uniform
+from jshell.shell.parameters import Reduced
+from jshell.shell.rest import RestState, buckled_state
+from jshell.signals.lanes import BLOCK
+from jshell.signals.wave_sums import INNER
+from jshell.trace import Trace
+
+FEWEST = 32  # samples of a record
+
+
+class Recordings(eqx.Module):
+    """Records of V and S side by side.
+
+    Args:
+        times: (times,) shared by all, or (rows, times); increasing.
+        values: (rows, 2, times) V, then S. NaN marks a missing sample.
+        conditions: Numbers, or (rows,) arrays of numbers.
+        sigma: (rows, 2) standard error per sample of each channel, where known.
+        counts: (rows,) samples of each record; what follows them is not read. None reads all.
+
+    Raises:
+        BadShape: Arrays that do not fit together.
+    """
+
+    times: np.ndarray | jax.Array
+    values: np.ndarray | jax.Array
+    conditions: Reduced
+    sigma: np.ndarray | jax.Array | None = None
+    counts: np.ndarray | jax.Array | None = None
+
+    def __check_init__(self) -> None:
+        shape, times = np.shape(self.values), np.shape(self.times)
+        fits = len(shape) == 3 and shape[1] == 2 and times in ((shape[2],), (shape[0], shape[2]))
+        fits = fits and (self.sigma is None or np.shape(self.sigma) == shape[:2])
+        fits = fits and (self.counts is None or np.shape(self.counts) == shape[:1])
+        if not fits:
+            raise BadShape(
+                "recordings",
+                found=f"times {times}, values {shape}",
+                expected="times (times,) or (rows, times), values (rows, 2, times), sigma (rows, 2), counts (rows,)",
+                remedy="Give V and S of every record, padded to one length; `counts` says how long each is.",
+            )
+
+
+class Bucket(NamedTuple):
+    """Records of one padded length.
+
+    Attributes:
+        rows: Where each stands among all.
+        values: (rows, 2, times) padded.
+        counts: (rows,).
+        steps: (rows,) time between samples; the mean one where they are uneven.
+        elapsed: (rows, times) from each first sample, for uneven records; None for even ones.
+        even: (rows, 2, times) uneven records brought to an even grid; None for even ones.
+    """
+
+    rows: np.ndarray
+    values: np.ndarray
+    counts: np.ndarray
+    steps: np.ndarray
+    elapsed: np.ndarray | None = None
+    even: np.ndarray | None = None
+
+    @property
+    def lanes(self) -> int:
+        """Records of a block: fewer where they are long."""
+        length = self.values.shape[2]
+        return BLOCK if length <= 16384 else 8 if length <= 262144 else 1
+
+
+def padded_length(count: int) -> int:
+    """A multiple of INNER, at most an eighth above the count: few lengths serve all."""
+    groups = -(-count // INNER)
+    unit = 2 ** max(0, groups.bit_length() - 4)
+    return INNER * unit * -(-groups // unit)
+
+
+def gathered(traces: Sequence[Trace]) -> Recordings:
+    """Traces as arrays.
+
+    Raises:
+        BadValue: A trace without conditions; σ that changes along a record, or is given for some only.
+    """
+    longest = max(np.shape(trace.times)[0] for trace in traces)
+    times = np.zeros((len(traces), longest))
+    values = np.full((len(traces), 2, longest), np.nan)
+    counts = np.zeros(len(traces), int)
+    sigma = np.full((len(traces), 2), np.nan)
+    for i, trace in enumerate(traces):
+        if trace.conditions is None:
+            raise BadValue(
+                f"trace {i + 1}",
+                found="no conditions",
+                expected="thickness, pressures and viscosity of the shell",
+                remedy="Build the trace with conditions=Reduced(…).",
+            )
+        counts[i] = count = np.shape(trace.times)[0]
+        times[i, :count] = np.asarray(trace.times)
+        for c, name in enumerate(("V", "S")):
+            values[i, c, :count] = np.asarray(trace[name])
+            if name in trace.sigma:
+                known = np.unique(np.asarray(trace.sigma[name], dtype=float))
+                if known.size > 1:
+                    raise BadValue(
+                        f"trace {i + 1}, sigma[{name!r}]",
+                        found="a standard error that changes along the record",
+                        expected="one number per channel",
+                        remedy="Use fit_trajectories for this trace.",
+                    )
+                sigma[i, c] = known[0]
+    given = np.isfinite(sigma)
+    if given.any() and not given.all():
+        raise BadValue("sigma", found="σ for some channels", expected="for all or none", remedy="Complete it.")
+    numbers = [
+        np.array([float(getattr(trace.conditions, name)) for trace in traces])
+        for name in ("thickness", "gas_pressure", "outer_pressure", "viscosity", "kappa", "poisson_ratio")
+    ]
+    same = bool(np.all(times == times[0])) and bool(np.all(counts == longest))
+    return Recordings(times[0] if same else times, values, Reduced(*numbers), sigma if given.all() else None, counts)
+
+
+def sorted_out(records: Recordings) -> tuple[list[Bucket], np.ndarray]:
+    """Buckets of records that can be fitted, even ones apart from uneven ones; and a mark on those that cannot.
+
+    A sample that is missing in one channel is left out of both. Unusable are
+    records of fewer than 32 samples, without motion, or whose times do not increase.
+    """
+    values = np.asarray(records.values, dtype=float)
+    rows, _, length = values.shape
+    times = np.asarray(records.times, dtype=float)
+    shared = times.ndim == 1
+    counts = np.full(rows, length) if records.counts is None else np.asarray(records.counts, dtype=int)
+    unusable = np.zeros(rows, bool)
+    if shared:
+        even_all = np.full(rows, is_uniform(times))
+    else:
+        even_all = np.array([is_uniform(t[:n]) for t, n in zip(times, counts, strict=True)])
+    with np.errstate(all="ignore"):
+        full = counts == length
+        whole = np.isfinite(values.sum(axis=(1, 2))) & full
+    for i in np.flatnonzero(~whole):
+        whole[i] = np.isfinite(values[i, :, : counts[i]]).all()
+
+    plain = np.flatnonzero(even_all & whole & (counts >= FEWEST))
+
+    def step_of(i):
+        t = times if shared else times[i]
+        return float(t[counts[i] - 1] - t[0]) / (counts[i] - 1)
+
+    buckets = []
+    lengths = np.array([padded_length(int(n)) for n in counts[plain]]) if plain.size else np.zeros(0, int)
+    for size in np.unique(lengths):
+        chosen = plain[lengths == size]
+        kept = values[chosen, :, : min(size, length)]
+        steps = (
+            np.full(chosen.size, step_of(chosen[0]))
+            if shared and np.all(counts[chosen] == counts[chosen[0]])
+            else (np.array([step_of(i) for i in chosen]))
+        )
+        buckets.append(Bucket(chosen, kept, counts[chosen], steps))
+
+    cut: dict[int, list] = {}
+    for i in np.setdiff1d(np.arange(rows), plain):
+        t = (times if shared else times[i])[: counts[i]]
+        here = np.isfinite(values[i, :, : counts[i]]).all(axis=0) & np.isfinite(t)
+        t, y = t[here], values[i, :, : counts[i]][:, here]
+        if t.size < FEWEST or not np.all(np.diff(t) > 0):
+            unusable[i] = True
+            continue
+        cut.setdefault(padded_length(t.size), []).append((i, t - t[0], y))
+    for size, found in sorted(cut.items()):
+        elapsed, kept, even = np.zeros((len(found), size)), np.zeros((len(found), 2, size)), []
+        for j, (_, t, y) in enumerate(found):
+            elapsed[j, : t.size], kept[j, :, : t.size] = t, y
+            grid = np.linspace(0, t[-1], t.size)
+            even.append(np.pad([np.interp(grid, t, row) for row in y], ((0, 0), (0, size - t.size))))
+        n = np.array([t.size for _, t, _ in found])
+        steps = np.array([t[-1] / (t.size - 1) for _, t, _ in found])
+        buckets.append(Bucket(np.array([i for i, *_ in found]), kept, n, steps, elapsed, np.array(even)))
+    for bucket in buckets:
+        beyond = np.arange(bucket.values.shape[2]) >= bucket.counts[:, None, None]
+        moves = np.any((bucket.values != bucket.values[:, :, :1]) & ~beyond, axis=2).all(axis=1)
+        unusable[bucket.rows[~moves]] = True
+    return buckets, unusable
+
+
+@jax.jit
+def _plateau(conditions: Reduced) -> RestState:
+    return buckled_state(conditions)
+
+
+def rest_states(records: Recordings, equilibrium: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """V_e, P_e of every record, NaN where the record itself is to tell; and whether the shell is buckled."""
+    rows = np.shape(records.values)[0]
+    if equilibrium == "trace":
+        blank = np.full(rows, np.nan)
+        return blank, blank, np.ones(rows, bool)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RangeWarning)
+        state = _plateau(records.conditions.as_arrays())
+    buckled = np.broadcast_to(np.asarray(is_buckled(state)), (rows,))
+    spread = lambda x: np.broadcast_to(np.asarray(x, dtype=float), (rows,))  # noqa: E731
+    return spread(state.volume), spread(state.pressure), buckled

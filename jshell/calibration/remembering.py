@@ -1,0 +1,76 @@
+"""A fit whose noise remembers: from the minimum of white noise to that of the noise it has.
+
+Symbols    J Jacobian of constants and linear parameters together   r weighted residual   φ memory of the noise
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from jshell.calibration.joint import Joint
+from jshell.calibration.misfit import rows_of
+from jshell.calibration.noise import Noise, examine, remembered, steps_between
+from jshell.calibration.parameters import Unknowns
+from jshell.calibration.solved import Solved, solved, whitened
+
+MOST_STEPS = 30  # of Gauss and Newton, from the white minimum to that of noise that remembers
+
+
+def examined(joint: Joint, found: Solved) -> list[Noise]:
+    """What is left of every channel of every trace."""
+    noises = []
+    for number, channel, rows in rows_of(joint):
+        one = joint.problem.records[number]
+        name = f"{one.channels[channel]} [{number + 1}]"
+        weight, times = np.asarray(one.weight[channel]), np.asarray(one.elapsed)
+        noises.append(examine(name, found.residual[rows], found.jacobian[rows], times, weight))
+    return noises
+
+
+def remembering(
+    joint: Joint, found: Solved, noises: list[Noise], space: Unknowns, *, free_to_move: bool
+) -> tuple[Joint, Solved]:
+    """The problem with the memory of its noise, and its minimum by Gauss and Newton from the white one."""
+    rows = rows_of(joint)
+    memory = []
+    for (number, channel, _), noise in zip(rows, noises, strict=True):
+        one = joint.problem.records[number]
+        steps = steps_between(np.asarray(one.elapsed), np.asarray(one.weight[channel]) > 0)
+        memory.append(remembered(noise.memory, steps) * (np.arange(steps.size) > 0))
+    grouped = [
+        np.stack([m for (number, *_), m in zip(rows, memory, strict=True) if number == i])
+        for i in range(len(joint.problem.records))
+    ]
+    joint = eqx.tree_at(lambda j: j.memory, joint, tuple(grouped), is_leaf=lambda x: x is None)
+    if not free_to_move:
+        return joint, found
+
+    free = [space.names.index(name) for name in space.free]
+    now, lowest = found, power(whitened(joint, found)[0])
+    for _ in range(MOST_STEPS):
+        r, J = whitened(joint, now)
+        if not (np.all(np.isfinite(r)) and np.all(np.isfinite(J))):
+            return joint, found  # it ran away: the white minimum stays, with the errors of remembering noise
+        length = np.linalg.norm(J, axis=0)
+        length = np.where(length > 0, length, 1.0)
+        move = -np.linalg.lstsq(J / length, r, rcond=1e-9)[0] / length
+        values = now.values.copy()
+        values[free] += move[: len(free)]
+        values = np.asarray(space.complete(jnp.asarray(values)))
+        seen = space.seen(values[None])[0]
+        inside = np.all((seen > space.low) & (seen < space.high))
+        inside &= all(values[i] > 0 for i in free if space.names[i] in space.positive)
+        if not (np.all(np.isfinite(values)) and inside):
+            return joint, found
+        sizes = np.cumsum([c.size for c in now.linear])[:-1]
+        linear = [c + m for c, m in zip(now.linear, np.split(move[len(free) :], sizes), strict=True)]
+        now = solved(values, joint, space, linear)
+        if np.linalg.norm(move * length) < 1e-9 * np.sqrt(max(lowest, 1e-300)):
+            break
+    better = power(whitened(joint, now)[0]) <= lowest  # False for NaN
+    return joint, now if better else found
+
+
+def power(r: np.ndarray) -> float:
+    """Sum of squares."""
+    return float(r @ r)

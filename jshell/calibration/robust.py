@@ -1,0 +1,117 @@
+"""Robust losses: least squares with weights that follow the residual.
+
+A sample e standard deviations away counts ψ(e)/e, and the fit is repeated until
+that settles. Errors are those of an M-estimator.
+
+Symbols    e residual over its channel's robust scale s = 1.48 median|r|   ψ influence
+Source     Huber 1964; Holland & Welsch 1977 for the tuning constants (95% as good as least squares on normal noise)
+"""
+
+from dataclasses import dataclass
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jshell.calibration.joint import Joint, residual
+from jshell.calibration.least_squares import Ending, best_of, from_many_starts
+from jshell.calibration.losses import best_linear
+from jshell.calibration.misfit import rows_of
+from jshell.calibration.parameters import Unknowns
+from jshell.calibration.solved import solved
+from jshell.errors import Outcome
+
+TUNING = {"huber": 1.345, "cauchy": 2.385}
+MOST_ROUNDS = 50
+SETTLED = 1e-9  # relative change of the unknowns between rounds
+
+
+@dataclass(frozen=True)
+class Robust:
+    """What a robust loss made of the data.
+
+    Attributes:
+        kind: Its name.
+        variance: Of the residual over its scale, as the errors of an M-estimator take it.
+        scale: (data,) robust scale of the weighted residual, one for each channel.
+        weights: Per record, (channels, times) how much each sample counts.
+        linear: Linear parameters, per block.
+        joint: The problem with those weights.
+    """
+
+    kind: str
+    variance: float
+    scale: np.ndarray
+    weights: list[np.ndarray]
+    linear: list[np.ndarray]
+    joint: Joint
+
+
+def reweigh(kind: str, joint: Joint, space: Unknowns, ending: Ending) -> tuple[Ending, Robust]:
+    """Weights that settle, from the minimum of least squares; every channel has a scale of its own."""
+    best, _ = best_of(ending, 0.0)
+    rows = rows_of(joint)
+    plain = [np.asarray(record.weight) for record in joint.problem.records]
+    used = np.concatenate([w.ravel() > 0 for w in plain])
+    low, high = jnp.asarray(space.low), jnp.asarray(space.high)
+    u, moving, weights = np.asarray(ending.unknowns[best]), joint, plain
+
+    def look(u: np.ndarray, moving: Joint) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
+        """Linear parameters, robust scale and standardised residual."""
+        values = np.asarray(space.natural(jnp.asarray(u)))
+        linear = [c for piece in moving.pieces(jnp.asarray(values)) for c in best_linear(*piece)]
+        r = solved(values, joint, space, linear).residual
+        scale = np.ones(r.size)
+        for _, _, at in rows:
+            scale[at] = max(1.4826 * float(np.median(np.abs(r[at][used[at]]))), 1e-300)
+        return linear, scale, r / scale
+
+    ended = jnp.asarray(int(Outcome.NOT_CONVERGED))
+    for _ in range(MOST_ROUNDS):
+        _, scale, e = look(u, moving)
+        weights = _like(np.asarray(counts(kind, jnp.asarray(e))), plain)
+        heavy = [w * np.sqrt(c) / s for w, c, s in zip(plain, weights, _like(scale, plain), strict=True)]
+        moving = eqx.tree_at(
+            lambda j: [record.weight for record in j.problem.records], joint, [jnp.asarray(w) for w in heavy]
+        )
+        one = from_many_starts(residual, (space, moving), jnp.asarray(u)[None], low, high)
+        new = np.asarray(one.unknowns[0])
+        change = np.max(np.abs(new - u) / (0.1 + np.abs(u)))
+        u = new
+        if change < SETTLED:
+            ended = one.outcome[0]
+            break
+    linear, scale, e = look(u, moving)
+    # the best start is what the last weights made of it; the others are told as least squares left them
+    ending = eqx.tree_at(
+        lambda x: (x.unknowns, x.outcome),
+        ending,
+        (ending.unknowns.at[best].set(u), ending.outcome.at[best].set(ended)),
+    )
+    influence, slope = _influence(kind, e[used])
+    freedom = max(1, int(used.sum()) - len(space.free) - sum(c.size for c in linear))
+    variance = used.sum() / freedom * float(np.mean(influence**2)) / float(np.mean(slope)) ** 2
+    return ending, Robust(kind, float(variance), scale, weights, linear, moving)
+
+
+def _like(flat: np.ndarray, shapes: list[np.ndarray]) -> list[np.ndarray]:
+    """A flat array cut as others are."""
+    cuts = np.cumsum([w.size for w in shapes])[:-1]
+    return [part.reshape(w.shape) for part, w in zip(np.split(flat, cuts), shapes, strict=True)]
+
+
+def counts(kind: str, e: jax.Array) -> jax.Array:
+    """How much a sample counts: ψ(e)/e."""
+    if kind == "huber":
+        return jnp.minimum(1.0, TUNING[kind] / jnp.maximum(jnp.abs(e), 1e-300))
+    return 1 / (1 + (e / TUNING[kind]) ** 2)
+
+
+def _influence(kind: str, e: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """ψ and its slope."""
+    tuning = TUNING[kind]
+    if kind == "huber":
+        return np.clip(e, -tuning, tuning), (np.abs(e) < tuning).astype(float)
+    share = (e / tuning) ** 2
+    return e / (1 + share), (1 - share) / (1 + share) ** 2

@@ -1,0 +1,101 @@
+"""A trace fit at given parameters: residual and Jacobian of constants and linear parameters together.
+
+Symbols    J Jacobian by all parameters   r weighted residual   φ memory of the noise
+"""
+
+from dataclasses import dataclass
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jshell.calibration.joint import Joint
+from jshell.calibration.least_squares import value_and_jacobian
+from jshell.calibration.long_records import is_long, look_at_all
+from jshell.calibration.losses import bases, best, targets
+from jshell.calibration.misfit import rows_of
+from jshell.calibration.noise import whiten
+from jshell.calibration.parameters import Unknowns
+
+
+@dataclass(frozen=True)
+class Solved:
+    """A fit at given parameters.
+
+    Attributes:
+        values: All parameters.
+        linear: Linear parameters, per block; `design` their weighted bases.
+        residual: Weighted.
+        jacobian: (data, free parameters then linear ones), of the parameters themselves.
+        prior: (priors, the same) of the priors; `prior_residual` their residual.
+    """
+
+    values: np.ndarray
+    linear: list[np.ndarray]
+    design: list[np.ndarray]
+    residual: np.ndarray
+    jacobian: np.ndarray
+    prior: np.ndarray
+    prior_residual: np.ndarray
+
+
+def solved(values: np.ndarray, joint: Joint, space: Unknowns, linear: list[np.ndarray] | None = None) -> Solved:
+    """Residual and Jacobian at given parameters, with the best linear ones unless they are given."""
+    if is_long(joint.problem) and not any(joint.moved):
+        linear, r, J, bases = _by_blocks(values, joint, linear)
+    else:
+        linear, r, J, bases = _jacobian(np.asarray(values), linear, joint)
+    linear, r, J, bases = [np.asarray(c) for c in linear], np.asarray(r), np.asarray(J), [np.asarray(b) for b in bases]
+    design = np.zeros((r.size, sum(basis.shape[1] for basis in bases)))
+    row = column = 0
+    for basis in bases:
+        design[row : row + basis.shape[0], column : column + basis.shape[1]] = basis
+        row, column = row + basis.shape[0], column + basis.shape[1]
+    slopes = space.slopes(values)
+    prior, left = np.zeros((len(joint.prior_at), slopes.shape[1] + design.shape[1])), np.zeros(0)
+    if len(prior):
+        prior[:, : slopes.shape[1]] = slopes[list(joint.prior_at)] / np.asarray(joint.prior)[:, 1:]
+        left = np.asarray(joint.prior_residual(jnp.asarray(values)))
+    return Solved(values, linear, bases, r, np.concatenate([J @ slopes, design], axis=1), prior, left)
+
+
+def _by_blocks(values: np.ndarray, joint: Joint, given: list[np.ndarray] | None):
+    """As `_jacobian`, of traces too long to be differentiated at one go; conditions that move are not among them."""
+    linear, left, slopes, plain = [], [], [], []
+    for piece, places in zip(joint.pieces(values), joint.places, strict=True):
+        count = 1 if piece.problem.loss == "strict" else len(piece.problem.records[0].channels)
+        own = None if given is None else given[len(linear) : len(linear) + count]
+        c, r, J, basis = look_at_all(piece.constants, piece.problem, own)
+        whole = np.zeros((r.size, len(values)))
+        whole[:, list(places)] = J
+        linear, left, slopes, plain = [*linear, *c], [*left, r], [*slopes, whole], [*plain, *basis]
+    return linear, np.concatenate(left), np.concatenate(slopes), plain
+
+
+@eqx.filter_jit
+def _jacobian(values: np.ndarray | jax.Array, linear: list | None, joint: Joint):
+    """Linear parameters; residual there, its derivative by all other parameters, and the bases."""
+    each = lambda p: [basis for piece in joint.pieces(p) for basis in bases(piece.constants, piece.problem)]  # noqa: E731
+    plain, slopes = value_and_jacobian(each, jnp.asarray(values))
+    data = targets(joint.problem)
+    if linear is None:
+        linear = [best(basis, rows) for basis, rows in zip(plain, data, strict=True)]
+    r = jnp.concatenate([basis @ c - rows for basis, c, rows in zip(plain, linear, data, strict=True)])
+    J = jnp.concatenate([jnp.einsum("dlp,l->dp", slope, c) for slope, c in zip(slopes, linear, strict=True)])
+    return linear, r, J, plain
+
+
+def whitened(joint: Joint, found: Solved) -> tuple[np.ndarray, np.ndarray]:
+    """Residual and Jacobian with the memory of the noise taken out, priors below."""
+    r, J = found.residual, found.jacobian
+    if joint.memory is not None:
+        flat = [np.asarray(row) for rows in joint.memory for row in rows]
+        parts = [(whiten(r[rows], m), whiten(J[rows], m)) for (*_, rows), m in zip(rows_of(joint), flat, strict=True)]
+        r, J = np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
+    return np.concatenate([r, found.prior_residual]), np.vstack([J, found.prior])
+
+
+def whitened_residual(joint: Joint, found: Solved) -> np.ndarray:
+    """Residual with the memory of the noise taken out, then that of the priors."""
+    return whitened(joint, found)[0]

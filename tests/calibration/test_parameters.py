@@ -1,0 +1,204 @@
+"""Free, fixed, bounded, tied, local and uncertain parameters; robust losses; samples left out."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jshell.calibration import Prior, fit_conditions, fit_trajectories, prepare
+from jshell.calibration.joint import join
+from jshell.calibration.losses import full_residual
+from jshell.calibration.parameters import Expression, unknowns
+from jshell.errors import BadName, BadValue, Outcome
+from jshell.oscillator import Coefficients, add_noise, simulate
+from jshell.trace import Trace
+
+NAMES = ("alpha1", "alpha2", "k_vs", "beta1")
+
+
+def far(found, shell, names=NAMES):
+    return max(abs(found[n].value - float(getattr(shell.coefficients, n))) / found[n].stderr for n in names)
+
+
+def test_arithmetic_is_read_and_nothing_else_is():
+    known = {"alpha1": jnp.asarray(9.0), "beta1[2]": jnp.asarray(8.0)}
+    assert float(Expression("2*sqrt(alpha1) - beta1[2]/4")(known)) == pytest.approx(4.0)
+    assert Expression("0.3*alpha1 + beta1[2]").names == ("alpha1", "beta1[2]")
+    for text in ("__import__('os')", "alpha1.real", "alpha1 if alpha2 else 1", "open('x')", "alpha1 +", "'a'*3"):
+        with pytest.raises(BadValue, match="arithmetic"):
+            Expression(text)
+
+
+@pytest.mark.parametrize(
+    ("given", "match"),
+    [
+        ({"fix": {"gamma": 1.0}}, "gamma"),
+        ({"fix": {"a": 1.0, "b": 2.0, "c": 3.0}}, "at least one of a, b, c"),
+        ({"fix": {"a": -1.0}}, "at least 0 for a"),
+        ({"tie": {"a": "2*b"}, "fix": {"a": 1.0}}, "also fixed"),
+        ({"tie": {"a": "2*z"}}, "'z'"),
+        ({"tie": {"a": "b", "b": "a"}}, "circle"),
+        ({"bounds": {"b": (2.0, 1.0)}}, "lowest < highest"),
+    ],
+)
+def test_impossible_wishes_are_refused_in_words(given, match):
+    with pytest.raises((BadName, BadValue), match=match):
+        unknowns(("a", "b", "c"), frozenset({"a"}), **given)
+
+
+def test_a_chain_of_ties_is_worked_out_in_order_and_differentiated():
+    space = unknowns(("a", "b", "c"), frozenset(), tie={"a": "2*b", "b": "c**2"})
+    np.testing.assert_allclose(space.natural(jnp.array([3.0])), [18.0, 9.0, 3.0])
+    np.testing.assert_allclose(space.slopes(np.array([18.0, 9.0, 3.0]))[:, 0], [12.0, 6.0, 1.0])
+
+
+@pytest.mark.slow
+def test_a_tie_as_function_is_that_of_the_text(shell, trace):
+    ratio = float(shell.coefficients.alpha2 / shell.coefficients.alpha1)
+    one = fit_trajectories(trace, tie={"alpha2": f"{ratio!r}*alpha1"})
+    two = fit_trajectories(trace, tie={"alpha2": lambda p: ratio * p["alpha1"]})
+    assert two["alpha2"].value == pytest.approx(one["alpha2"].value, rel=1e-10)
+
+
+@pytest.mark.slow
+def test_tied_local_and_shared_constants_are_found_together(shell, trace, fit):
+    c = shell.coefficients
+    other = Coefficients(c.alpha1, c.alpha2, c.k_vs, 1.5 * c.beta1)
+    clean = simulate(
+        shell.conditions, other, initial=shell.initial[::-1], times=np.asarray(trace.times), equilibrium=shell.state
+    )
+    ratio = float(c.alpha2 / c.alpha1)
+    both = [trace, add_noise(clean, 0.01, 5)]
+    found = fit_trajectories(both, local=("beta1",), tie={"alpha2": f"{ratio!r}*alpha1"})
+    assert found.outcome == Outcome.OK
+    assert found.varied == ("alpha1", "k_vs", "beta1[1]", "beta1[2]")
+    assert found["alpha2"].role == "tied"
+    assert found["alpha2"].value == pytest.approx(ratio * found["alpha1"].value, rel=1e-12)
+    assert found["alpha2"].stderr == pytest.approx(ratio * found["alpha1"].stderr, rel=1e-10)
+    for name, true in (("beta1[1]", c.beta1), ("beta1[2]", 1.5 * c.beta1), ("alpha1", c.alpha1)):
+        assert abs(found[name].value - true) < 4 * found[name].stderr
+    assert found["alpha1"].stderr < fit["alpha1"].stderr
+
+
+def test_a_stiffer_wall_is_the_same_shell_in_other_units(trace):
+    """Twice E d: pressures over it, viscosity over its root, the record's time in its own unit that much longer."""
+    joint = join(prepare(trace), uncertain={"youngs_modulus": 0.1, "gas_pressure": None}, equilibrium="trace")
+    assert joint.names == ("alpha1", "alpha2", "k_vs", "beta1", "youngs_modulus", "gas_pressure")
+    plain = joint.problem.records[0]
+    P = plain.conditions.gas_pressure
+    moved = joint.pieces(np.array([9.0, 1.0, 0.1, 5.0, 2.0, 3.0 * P]))[0].problem.records[0]
+    assert moved.conditions.gas_pressure == pytest.approx(1.5 * P)
+    assert moved.conditions.outer_pressure == pytest.approx(plain.conditions.outer_pressure / 2)
+    assert moved.conditions.viscosity == pytest.approx(plain.conditions.viscosity / np.sqrt(2))
+    np.testing.assert_allclose(moved.elapsed, np.sqrt(2) * np.asarray(plain.elapsed), rtol=1e-14)
+    assert moved.state.volume == plain.state.volume
+    np.testing.assert_allclose(joint.prior, [[1.0, 0.1]])
+
+
+@pytest.mark.slow
+def test_uncertain_conditions_pass_their_error_on(shell, trace, fit):
+    """α1 goes with P0, a(α1, P) = 4π κ P/(α1 V): their relative errors are one; V and S together tell of P0 too."""
+    found = fit_trajectories(trace, uncertain={"gas_pressure": 0.02}, equilibrium="trace")
+    share = found["alpha1"].stderr / found["alpha1"].value
+    pressure = found["gas_pressure"]
+    assert share == pytest.approx(pressure.stderr / pressure.value, rel=0.1)
+    assert fit["alpha1"].stderr / fit["alpha1"].value < 0.1 * share
+    assert pressure.stderr < 0.02 * float(shell.conditions.gas_pressure)
+    assert any("priors are held" in note for note in found.notes)
+
+
+@pytest.mark.slow
+def test_a_prior_holds_a_constant(shell, trace):
+    held = fit_trajectories(trace, priors={"beta1": Prior(float(shell.coefficients.beta1), 1e-4)})
+    assert held["beta1"].stderr < 1.01e-4
+
+
+@pytest.mark.slow
+def test_the_inverse_finds_a_condition_from_known_constants(shell, trace):
+    true = float(shell.conditions.gas_pressure)
+    wrong = Trace(trace.times, trace.channels, trace.conditions)
+    found = fit_conditions(wrong, shell.coefficients, ("gas_pressure",))
+    assert found.outcome == Outcome.OK
+    assert abs(found["gas_pressure"].value - true) < 4 * found["gas_pressure"].stderr
+    assert found["alpha1"].role == "fixed"
+    with pytest.raises(BadValue, match="vary"):
+        fit_conditions(trace, shell.coefficients, ())
+
+
+@pytest.fixture(scope="module")
+def dirty(trace):
+    """The record with 20 of 400 samples of V spoiled by half its scatter."""
+    random = np.random.default_rng(0)
+    channels = {name: np.array(values) for name, values in trace.channels.items()}
+    spoiled = random.choice(400, 20, replace=False)
+    channels["V"][spoiled] += 0.5 * np.std(channels["V"]) * random.standard_normal(20)
+    return Trace(trace.times, channels, trace.conditions)
+
+
+def test_a_robust_loss_bears_outliers(shell, dirty):
+    plain, robust = fit_trajectories(dirty), fit_trajectories(dirty, robust="huber")
+    assert robust["alpha1"].stderr < 0.5 * plain["alpha1"].stderr
+    assert far(robust, shell) < 4
+    with pytest.raises(BadName, match="huber or cauchy"):
+        fit_trajectories(dirty, robust="median")
+    with pytest.raises(BadValue, match="robust"):
+        robust.profile()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "tuning"), [("huber", 1.345), ("cauchy", 2.385)])
+def test_a_robust_fit_is_lmfits_with_the_same_loss(kind, tuning, dirty):
+    import lmfit
+
+    found, problem = fit_trajectories(dirty, robust=kind), prepare(dirty)
+    residual = jax.jit(lambda x: full_residual(x[:4], [x[4:]], problem))
+    slopes = jax.jit(jax.jacfwd(residual))
+    best = np.array([found[name].value for name in NAMES])
+    linear = np.array([one.value for one in found.estimates if one.role == "nuisance"])
+    left = np.asarray(residual(np.append(best, linear))).reshape(2, 400)
+    scale = np.repeat(1.4826 * np.median(np.abs(left), axis=1), 400)  # each channel's own, as the fit has it
+    parameters = lmfit.Parameters()
+    for i, value in enumerate(np.append(1.002 * best, linear)):
+        parameters.add(f"x{i}", value)
+    flat = lambda p: np.array([p[name].value for name in p])  # noqa: E731
+    other = lmfit.minimize(
+        lambda p: np.asarray(residual(flat(p))) / scale,
+        parameters,
+        method="least_squares",
+        loss=kind,
+        f_scale=tuning,
+        jac=lambda p: np.array(slopes(flat(p))) / scale[:, None],
+        xtol=1e-15,
+        ftol=1e-15,
+        gtol=1e-15,
+    )
+    there = flat(other.params)
+    np.testing.assert_allclose(there[:4], best, rtol=1e-8)
+    # lmfit's AIC is of the residual over the robust scale: the same formula, of the residual as it was weighed
+    chi_square = float(np.sum(np.asarray(residual(there)) ** 2))
+    shift = 800 * np.log(chi_square / other.chisqr)
+    assert found.aic == pytest.approx(other.aic + shift, rel=1e-6)
+    assert found.bic == pytest.approx(other.bic + shift, rel=1e-6)
+    assert found.chi_square == pytest.approx(chi_square, rel=1e-7)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["huber", "cauchy"])
+def test_errors_of_a_robust_fit_are_those_of_its_refits(kind, dirty):
+    found = fit_trajectories(dirty, robust=kind)
+    refits = found.bootstrap(256)
+    assert refits.lost == 0
+    # the standard deviation of 256 refits is known to 1/sqrt(2·256) = 4%
+    np.testing.assert_allclose(refits.stderr, [found[name].stderr for name in NAMES], rtol=0.2)
+
+
+def test_samples_are_left_out_by_time_and_where_they_are_missing(shell, trace):
+    channels = {name: np.array(values) for name, values in trace.channels.items()}
+    channels["S"][7] = np.nan
+    holed = Trace(trace.times, channels, trace.conditions)
+    with pytest.raises(BadValue, match=r"sample 8 .*missing=.drop"):
+        fit_trajectories(holed)
+    found = fit_trajectories(holed, missing="drop", drop=[(10.0, 11.0)])
+    inside = np.sum((np.asarray(trace.times) >= 10) & (np.asarray(trace.times) <= 11))
+    assert found.n_data == 800 - 1 - 2 * inside
+    assert far(found, shell) < 4
