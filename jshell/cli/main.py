@@ -5,13 +5,23 @@ from typing import Annotated
 import typer
 
 from jshell import __version__
+from jshell.cli.bifurcation import bifurcation
+from jshell.cli.cycle import cycle
 from jshell.cli.demo import demo
-from jshell.cli.fits import fit
-from jshell.cli.statics import frequencies, modes, rest
+from jshell.cli.design import design
+from jshell.cli.drive import drive
+from jshell.cli.fits import fit, show
+from jshell.cli.output import Verbs
+from jshell.cli.sensitivity import sensitivity
+from jshell.cli.softening import softening
+from jshell.cli.statics import branch, frequencies, modes, rest
 from jshell.cli.traces import analyse, simulate
 
 app = typer.Typer(
-    help="Buckling spherical shells in a liquid: simulate, listen, fit.", no_args_is_help=True, add_completion=False
+    cls=Verbs,
+    help="Buckling spherical shells in a liquid: simulate, listen, fit.",
+    no_args_is_help=True,
+    add_completion=False,
 )
 
 
@@ -30,5 +40,8 @@ def common(
     """Buckling spherical shells in a liquid: simulate, listen, fit."""
 
 
-for verb in (demo, rest, modes, simulate, analyse, fit, frequencies):
+for verb in (
+    demo, rest, branch, modes, simulate, analyse, fit, show, frequencies, drive, cycle, bifurcation, softening,
+    sensitivity, design,
+):  # fmt: skip
     app.command()(verb)

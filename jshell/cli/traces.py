@@ -1,74 +1,141 @@
 """`jshell simulate` and `jshell analyse`: make a trace, listen to a trace."""
 
+import dataclasses
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
+from rich.console import Console
+from rich.progress import Progress
 
-from jshell import dynamics, io, signals
+from jshell import dynamics, io, plot, signals
+from jshell.cli.driving import (
+    Bulk,
+    Burst,
+    BurstStart,
+    PressureFile,
+    Retardation,
+    ReynoldsLaw,
+    Stokes,
+    StokesFrequency,
+    ToneOption,
+    WallDilatation,
+    forcing,
+    losses,
+    outer_pressure,
+)
 from jshell.cli.output import Json, finish, log, say, speaking, table, writable
 from jshell.cli.problem import Problem, with_conditions
 from jshell.cli.statics import Attached, Elements, Spot, weak_spot
 from jshell.contour import WeakSpot
 from jshell.dynamics import LONGEST_STEP
-from jshell.errors import BadName, BadUnits, Outcome
-from jshell.membrane.rest import DIMPLE_DEPTH
+from jshell.errors import BadName, BadUnits, BadValue, Outcome
+from jshell.membrane.equilibrium import DIMPLE_DEPTH
+from jshell.plot.style import FORMATS
 from jshell.shell import SPHERE_AREA, SPHERE_VOLUME
 from jshell.trace import Trace
+
+LONG = 400  # samples that make a run worth a progress bar
 
 
 @speaking
 @with_conditions
 def simulate(
     problem: Problem,
-    out: Annotated[Path, typer.Option("--out", help="Trace to write (CSV).")],
+    out: Annotated[Path, typer.Option("--out", help="Trace to write: .csv, .tsv, .json, .nc, .mat, .npz.")],
     ramp: Annotated[float, typer.Option(help="Time the outer pressure takes from P0 to Pext; 0 is a step.")] = 25.0,
     duration: Annotated[float, typer.Option(help="Length of the run.")] = 70.0,
     every: Annotated[float, typer.Option(help="Spacing of the samples.")] = 0.05,
     step: Annotated[float, typer.Option(help="Longest time step.")] = LONGEST_STEP,
     elements: Elements = 32,
+    follow: Annotated[
+        bool, typer.Option("--follow", help="Let the nodes follow the rim: thin shells then need few elements.")
+    ] = False,
+    tolerance: Annotated[
+        float | None,
+        typer.Option(help="Pick elements and step so that V is within this of a finer run, over V0."),
+    ] = None,
     attached: Attached = 0.0,
     spot: Spot = None,
-    stokes_frequency: Annotated[
-        float | None,
-        typer.Option(
-            help="Reference frequency of the Stokes layer; by default from the modes of the final rest state."
-        ),
+    shell_density: Annotated[
+        float, typer.Option("--shell-density", help="Density of the wall over the liquid's; the source has none.")
+    ] = 0.0,
+    pressure_file: PressureFile = None,
+    tone: ToneOption = None,
+    burst: Burst = None,
+    burst_start: BurstStart = 0.0,
+    stokes: Stokes = None,
+    stokes_frequency: StokesFrequency = None,
+    bulk: Bulk = False,
+    wall_dilatation: WallDilatation = None,
+    retardation: Retardation = None,
+    reynolds: ReynoldsLaw = False,
+    checkpoint: Annotated[
+        Path | None, typer.Option("--checkpoint", help="Keep the run in this file; the same command continues it.")
     ] = None,
+    film: Annotated[Path | None, typer.Option("--film", help="Strip of moments to draw: .png, .pdf, .svg.")] = None,
+    gif: Annotated[Path | None, typer.Option("--gif", help="Film to draw: .gif.")] = None,
     units: Annotated[str, typer.Option(help="reduced, or si (needs SI conditions).")] = "reduced",
+    quiet: Annotated[bool, typer.Option("--quiet", help="No progress on stderr.")] = False,
     as_json: Json = False,
 ) -> None:
-    """Buckle a shell in time and write the trace."""
+    """Buckle a shell in time and write the trace.
+
+    Times, frequencies and pressures of the options are without units: time unit √(ρ R0³/(E d)), pressure E d/R0.
+    """
     problem.needs_viscosity()
     writable(out, "--out")
+    io.check_suffix(out, "--out")
+    for picture, option, endings in ((film, "--film", FORMATS), (gif, "--gif", (".gif",))):
+        if picture is not None and writable(picture, option).suffix.lower() not in endings:
+            raise BadName(
+                option, found=picture.name, expected="a name that ends in " + " or ".join(endings), remedy="Rename it."
+            )
     if units not in ("reduced", "si"):
         raise BadName("--units", found=repr(units), expected="reduced or si", remedy="Choose one.")
     if units == "si" and problem.scales is None:
         raise BadUnits(
             "--units si", found="conditions without units", expected="SI conditions", remedy="Give --r0 and its kin."
         )
-    log(f"simulating {duration:g} time units on {elements} elements")
-    trace = dynamics.simulate(
-        problem.conditions,
-        ramp=ramp,
-        duration=duration,
-        every=every,
-        step=step,
-        elements=elements,
-        attached=attached,
-        weak_spot=weak_spot(spot, WeakSpot()),
-        stokes_frequency=stokes_frequency,
-    )
-    trace = Trace(
-        trace.times,
-        trace.channels,
-        trace.conditions,
-        outcome=trace.outcome,
-        settings=trace.settings,
-        scales=problem.scales,
-    )
+    if checkpoint is not None:
+        writable(checkpoint, "--checkpoint")
+    pressure, added = outer_pressure(pressure_file, problem), forcing(tone, burst, burst_start)
+    lost = losses(stokes, stokes_frequency, bulk, wall_dilatation, retardation, reynolds)
+    if not quiet:
+        log(f"simulating {duration:g} time units on {elements} elements")
+    pictured = film is not None or gif is not None
+    if tolerance is not None and pictured:
+        raise BadValue(
+            "--tolerance", found="a picture as well", expected="one of the two", remedy="Draw it at fixed --elements."
+        )
+    finer: dict[str, Any] = {} if tolerance is None else {"tolerance": tolerance}
+    with told(shown=not (quiet or as_json) and duration / every >= LONG) as progress:
+        made = (dynamics.record if pictured else dynamics.simulate)(
+            problem.conditions,
+            ramp=ramp,
+            duration=duration,
+            every=every,
+            step=step,
+            elements=elements,
+            follow=follow,
+            attached=attached,
+            weak_spot=weak_spot(spot, WeakSpot()),
+            shell_density=shell_density,
+            pressure=pressure,
+            forcing=added,
+            losses=lost,
+            checkpoint=checkpoint,
+            progress=progress,
+            **finer,
+        )
+    trace = made.trace if isinstance(made, dynamics.Motion) else made
+    trace = dataclasses.replace(trace, scales=problem.scales)
     io.write_trace(out, trace, units="si" if units == "si" else "reduced")
+    if isinstance(made, dynamics.Motion):
+        draw(made, film, gif)
     outcome = Outcome(int(trace.outcome))
     ok = outcome == Outcome.OK
     if ok and not buckled(trace):
@@ -79,11 +146,33 @@ def simulate(
         "S_over_S0": settled(trace, "S") / SPHERE_AREA if ok else None,
     }
     if as_json:
-        say({"out": str(out), "outcome": outcome, **numbers, "conditions": problem.record()})
+        pictures = {"film": film, "gif": gif}
+        drawn = {key: str(path) for key, path in pictures.items() if path is not None}
+        say({"out": str(out), "outcome": outcome, **numbers, **drawn, "conditions": problem.record()})
     else:
         words = {"t_dip": "dip at t", "V_over_V0": "settles at V/V0", "S_over_S0": "settles at S/S0"}
         typer.echo(table([(words[key], value) for key, value in numbers.items()], (str(out), "value")))
     finish(outcome)
+
+
+def draw(motion: dynamics.Motion, film: Path | None, gif: Path | None) -> None:
+    """Write the pictures that were asked for."""
+    if film is not None:
+        plot.save(plot.filmstrip(motion), film)
+    if gif is not None:
+        plot.animate(motion, gif)
+
+
+@contextmanager
+def told(*, shown: bool) -> Iterator[Callable[[float], None] | None]:
+    """A progress bar on stderr, where that is a terminal and one is wanted; what the run calls, or None."""
+    console = Console(stderr=True)
+    if not (shown and console.is_terminal):
+        yield None
+        return
+    with Progress(console=console, transient=True) as bar:
+        task = bar.add_task("running", total=1.0)
+        yield lambda done: bar.update(task, completed=done)
 
 
 def buckled(trace: Trace) -> bool:
@@ -100,7 +189,7 @@ def settled(trace: Trace, channel: str) -> float:
 
 @speaking
 def analyse(
-    file: Annotated[Path, typer.Argument(help="Trace (CSV).")],
+    file: Annotated[Path, typer.Argument(help="Trace: .csv, .tsv, .json, .nc, .mat, .npz.")],
     channel: Annotated[str | None, typer.Option(help="Channel to listen to; V, else all of H, W, S.")] = None,
     start: Annotated[float | None, typer.Option("--from", help="Window's start, dimensionless time.")] = None,
     stop: Annotated[float | None, typer.Option("--to", help="Window's end, dimensionless time.")] = None,
@@ -118,6 +207,8 @@ def analyse(
             log(found.reason)
     if found.verdict == "more than two":
         log(f"two modes leave {100 * (found.residual or 0):.0f} % of the signal: the two-mode picture does not hold")
+    if found.verdict == "one" and found.omega_plus is not None:
+        log("warning: one mode is enough for this record: ω+ is that of a second, weak mode, and may be noise")
     finish(found.outcome, sound=found.verdict != "more than two")
 
 

@@ -28,7 +28,7 @@ from jshell.dynamics.starts import relax
 from jshell.errors import BadShape, BadValue, Outcome
 from jshell.membrane import RestShape
 from jshell.membrane.energy import Area, check_area
-from jshell.membrane.rest import cached_meridian, raise_unless_ok
+from jshell.membrane.rest import cached_meridian, raise_unless_ok, warn_of_asymmetry
 from jshell.shell.elasticity import SPHERE_VOLUME, Scalar
 from jshell.shell.parameters import Number, Reduced, check
 from jshell.trace import Trace, Values
@@ -191,6 +191,7 @@ def _run(
 ) -> tuple[Trace, Sample, Setup]:
     check_area(area)
     _check_times(duration, every, step, ramp)
+    warn_of_asymmetry(conditions.thickness, 4)
     check("shell_density", shell_density, "a finite number of at least 0", lambda x: x >= 0)
     conditions = conditions.as_arrays()
     if start is None:

@@ -100,12 +100,7 @@ def judged(found: RestShape, thickness: Scalar) -> RestShape:
     """
     if isinstance(thickness, Tracer) or isinstance(found.outcome, Tracer):
         return found
-    if np.any(np.asarray(thickness) < SYMMETRIC_ABOVE):
-        warnings.warn(
-            f"below d_hat = {SYMMETRIC_ABOVE} real dimples lose the axial symmetry that is assumed here",
-            RangeWarning,
-            stacklevel=3,
-        )
+    warn_of_asymmetry(thickness, 4)
     ok = np.asarray(found.outcome) == Outcome.OK
     if not np.any(ok):
         return found
@@ -121,6 +116,16 @@ def judged(found: RestShape, thickness: Scalar) -> RestShape:
         )
     judgement = jnp.where(jnp.asarray(coarse > UNRESOLVED), int(Outcome.OUT_OF_RANGE), found.outcome)
     return eqx.tree_at(lambda shape: shape.outcome, found, judgement)
+
+
+def warn_of_asymmetry(thickness: Scalar, level: int = 3) -> None:
+    """Warn where real dimples would not be axisymmetric (concrete numbers only)."""
+    if not isinstance(thickness, Tracer) and np.any(np.asarray(thickness) < SYMMETRIC_ABOVE):
+        warnings.warn(
+            f"below d_hat = {SYMMETRIC_ABOVE} real dimples lose the axial symmetry that is assumed here",
+            RangeWarning,
+            stacklevel=level,
+        )
 
 
 def _lost(found: RestShape, conditions: Reduced) -> bool:

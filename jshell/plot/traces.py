@@ -31,6 +31,7 @@ LABORATORY = {
     "area": ("mm^2", "µm^2"),
     "volume": ("mL", "mm^3", "µm^3"),
     "speed": ("m/s", "mm/s"),
+    "volume rate": ("mL/s", "mm^3/s", "µm^3/s"),
     "pressure": ("MPa", "kPa", "Pa"),
     "energy": ("J",),
 }

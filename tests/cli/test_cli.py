@@ -198,6 +198,31 @@ def test_bad_options_exit_with_two(words, place, monkeypatch):
     assert place in answer(monkeypatch, *words, code=2)["error"]["place"]
 
 
+@pytest.mark.parametrize(
+    ("words", "place", "found"),
+    [
+        (("rest", "--presett", "R"), "--presett", "No such option"),
+        (("rest", "--preset"), "--preset", "requires an argument"),
+        (("rest", "--elements", "many"), "--elements", "valid integer"),
+        (("resst",), "jshell", "No such command 'resst'"),
+        (("--colour", "rest"), "--colour", "No such option"),
+        (("rest", "R"), "jshell rest", "unexpected extra argument"),
+        (("analyse",), "file", "Missing argument"),
+    ],
+)
+def test_a_command_line_that_cannot_be_read_is_answered_in_json_when_json_was_asked_for(words, place, found):
+    asked = [words[0], "--json", *words[1:]] if words[0].islower() and words[0].isalpha() else [*words, "--json"]
+    result = runner.invoke(app, asked, prog_name="jshell")
+    problem = json.loads(result.stdout)["error"]
+    assert result.exit_code == 2
+    assert problem["place"] == place
+    assert found in problem["found"]
+    assert all(problem.values())
+    assert result.stderr
+    plain = runner.invoke(app, words, prog_name="jshell")
+    assert (plain.exit_code, plain.stdout) == (2, "")
+
+
 def test_version_is_told():
     assert run("--version").startswith("jshell ")
 
@@ -228,3 +253,17 @@ def test_modes_that_thick_loss_has_merged_are_not_listed_twice(monkeypatch):
     assert found["outcome"] == "not_converged"
     omegas = [mode["omega"] for mode in found["modes"]]
     assert np.all(np.diff(omegas) > 1e-3)
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_a_saved_fit_is_shown_again_without_fitting(monkeypatch, tmp_path):
+    rows = table(tmp_path / "f.csv", (1.1, 1.2, 1.4))
+    words = ("fit", "--table", rows, "--bounds", "alpha1=0.5:9", "--save", tmp_path / "fit.json")
+    found = answer(monkeypatch, *words)
+    again = answer(monkeypatch, "show", tmp_path / "fit.json", "--plot", tmp_path / "fit.png")
+    assert again == found
+    assert (tmp_path / "fit.png").stat().st_size > 5000
+    assert answer(monkeypatch, "show", rows, code=2)["error"]["code"] == "bad_file"
+    for option in ("--bounds", "--window", "--drop"):
+        place = answer(monkeypatch, "fit", "x.csv", option, "a=b:c", code=2)["error"]["place"]
+        assert place == option

@@ -1,0 +1,153 @@
+"""What drives a run and what takes its energy, from options: outer pressure, tone, burst, losses."""
+
+import json
+import tempfile
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from jshell import io
+from jshell.cli.problem import Problem
+from jshell.dynamics import Losses
+from jshell.dynamics.losses import STOKES
+from jshell.errors import BadFile, BadName, BadValue
+from jshell.io.headers import si_pairs
+from jshell.membrane import WallLoss
+from jshell.oscillator import Pulse, Reynolds, Together, Tone
+from jshell.oscillator.forcing import Forcing
+
+_PRESSURE = "Outer pressure"
+_LOSSES = "Losses"
+
+PressureFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--pressure-file",
+        help="Table with columns t and P_ext, the outer pressure itself instead of ramp and hold; "
+        "without units, or in SI where the conditions are.",
+        rich_help_panel=_PRESSURE,
+    ),
+]
+ToneOption = Annotated[
+    tuple[float, float] | None,
+    typer.Option(
+        "--tone", metavar="AMPLITUDE OMEGA", help="A sine added to the outer pressure.", rich_help_panel=_PRESSURE
+    ),
+]
+Burst = Annotated[
+    tuple[float, float, int] | None,
+    typer.Option(
+        "--burst",
+        metavar="AMPLITUDE OMEGA CYCLES",
+        help="A burst added to it, in a Hann window, named by its peak negative pressure.",
+        rich_help_panel=_PRESSURE,
+    ),
+]
+BurstStart = Annotated[float, typer.Option("--burst-start", help="When the burst begins.", rich_help_panel=_PRESSURE)]
+Stokes = Annotated[
+    str | None,
+    typer.Option(
+        "--stokes",
+        help="Stokes layer: memory (its half-order derivative), frequency (at --stokes-frequency), none.",
+        rich_help_panel=_LOSSES,
+        show_default="memory",
+    ),
+]
+StokesFrequency = Annotated[
+    float | None,
+    typer.Option(
+        "--stokes-frequency",
+        help="Keep the Stokes layer at this one frequency instead of with its memory: cheaper, exact there alone.",
+        rich_help_panel=_LOSSES,
+    ),
+]
+Bulk = Annotated[
+    bool, typer.Option("--bulk", help="Viscous loss of the potential flow itself.", rich_help_panel=_LOSSES)
+]
+WallDilatation = Annotated[
+    float | None,
+    typer.Option("--wall-dilatation", help="Dilatational viscosity of the wall / (E d time).", rich_help_panel=_LOSSES),
+]
+Retardation = Annotated[
+    float | None, typer.Option("--retardation", help="Kelvin-Voigt time of the wall.", rich_help_panel=_LOSSES)
+]
+ReynoldsLaw = Annotated[
+    bool,
+    typer.Option(
+        "--reynolds", help="The source's drag law of a settling sphere, beside the rest.", rich_help_panel=_LOSSES
+    ),
+]
+
+
+def outer_pressure(path: Path | None, problem: Problem) -> tuple | None:
+    """Times and outer pressure of a table, without units; None without a file.
+
+    A table in SI needs no header where the command line's conditions are in SI; if it has one, the two must agree.
+
+    Raises:
+        BadFile: No column `P_ext`.
+        BadUnits: A table in SI beside conditions without units.
+    """
+    if path is None:
+        return None
+    with tempfile.TemporaryDirectory() as folder:
+        meta = None
+        if problem.scales is not None:
+            meta = Path(folder) / "conditions.json"
+            meta.write_text(
+                json.dumps({key: float(value) for key, value in si_pairs(problem.conditions, problem.scales)})
+            )
+        trace = io.read_trace(path, meta=meta)
+    if "P_ext" not in trace.channels:
+        raise BadFile(
+            str(path),
+            found="the columns t, " + ", ".join(trace.channels),
+            expected="the columns t and P_ext",
+            remedy="Name the outer pressure P_ext.",
+        )
+    return trace.times, trace["P_ext"]
+
+
+def forcing(
+    tone: tuple[float, float] | None, burst: tuple[float, float, int] | None, burst_start: float
+) -> Forcing | None:
+    """What is added to the outer pressure; None where nothing is."""
+    parts: list[Forcing] = []
+    if tone is not None:
+        parts.append(Tone(*tone))
+    if burst is not None:
+        parts.append(Pulse(*burst, start=burst_start))
+    if not parts:
+        return None
+    return parts[0] if len(parts) == 1 else Together(tuple(parts))
+
+
+def losses(
+    stokes: str | None,
+    frequency: float | None,
+    bulk: bool,
+    dilatation: float | None,
+    retardation: float | None,
+    reynolds: bool,
+) -> Losses:
+    """The losses that the options describe.
+
+    Raises:
+        BadName: No such Stokes layer.
+        BadValue: A frequency without its layer, or the layer without its frequency.
+    """
+    chosen = stokes if stokes is not None else ("memory" if frequency is None else "frequency")
+    if chosen not in STOKES:
+        raise BadName("--stokes", found=repr(chosen), expected="one of " + ", ".join(STOKES), remedy="memory is usual.")
+    if (chosen == "frequency") != (frequency is not None):
+        raise BadValue(
+            "--stokes-frequency",
+            found="none" if frequency is None else f"{frequency:g} with --stokes {chosen}",
+            expected="a frequency with --stokes frequency, and only there",
+            remedy="1.2 is near the first modes of R.",
+        )
+    loss = None
+    if dilatation is not None or retardation is not None:
+        loss = WallLoss(dilatation=dilatation or 0.0, retardation=retardation or 0.0)
+    return Losses(chosen, frequency=frequency, bulk=bulk, wall=loss, drag=Reynolds() if reynolds else None)
