@@ -23,6 +23,10 @@ slow: $(STAMP)
 
 bench: $(STAMP)
 	$(BIN)/python benchmarks/trace.py
+	$(BIN)/python benchmarks/convergence.py
+	$(BIN)/python benchmarks/fits.py
+	$(BIN)/python benchmarks/oscillator.py
+	$(BIN)/python benchmarks/reading.py
 
 $(STAMP): pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)

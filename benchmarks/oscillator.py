@@ -7,6 +7,7 @@ few minutes, and are scaled to the whole job. One core:
 """
 
 import os
+import sys
 import time
 import warnings
 from collections.abc import Callable
@@ -199,8 +200,9 @@ def main() -> None:
     print(f"cores: {len(os.sched_getaffinity(0))}; SciPy's figures are scaled from a part of the job\n")
     print("| job | jshell, warm [s] | SciPy [s] | ratio | check |")
     print("|---|---|---|---|---|")
-    for job in (jacobian, study, diagram, fits):
-        found = job()
+    jobs = {"jacobian": jacobian, "study": study, "diagram": diagram, "fits": fits}
+    for name in sys.argv[1:] or jobs:
+        found = jobs[name]()
         for name, mine, rival, note in found if isinstance(found, list) else [found]:
             print(f"| {name} | {mine:.3g} | {rival:.3g} | {rival / mine:,.0f} | {note} |", flush=True)
 

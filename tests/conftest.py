@@ -5,6 +5,7 @@ need are computed once a session, and problems are made of arrays: a number
 that is a Python float is compiled in, an array is not.
 """
 
+import gc
 import json
 from pathlib import Path
 from typing import NamedTuple
@@ -33,6 +34,19 @@ def problem(thickness, gas_pressure, outer_pressure, viscosity=0.0) -> Reduced:
     )
     like = jnp.zeros_like(numbers[0])
     return Reduced(*numbers, like + 1.4, like + 0.5)
+
+
+MAPPINGS = 30_000  # compiled programs map memory; Linux kills a process at 65 530 mappings
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _room_for_programs():
+    """Forget compiled programs between modules before there are too many to map."""
+    yield
+    maps = Path("/proc/self/maps")
+    if maps.exists() and maps.read_text().count("\n") > MAPPINGS:
+        jax.clear_caches()
+        gc.collect()
 
 
 @pytest.fixture(scope="session")
