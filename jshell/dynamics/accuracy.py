@@ -47,7 +47,7 @@ def estimate_error(
 
     Example:
         >>> import jshell as js
-        >>> found = js.dynamics.estimate_error(js.presets.R.conditions, elements=16, duration=2.0, ramp=1.0)
+        >>> found = js.dynamics.estimate_error(js.presets.R.conditions, elements=16, duration=2.0)
         >>> found.volume < 1e-4
         True
     """

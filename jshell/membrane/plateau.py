@@ -46,7 +46,7 @@ def plateau_pressure(
 
     Example:
         >>> from jshell.membrane import plateau_pressure
-        >>> print(plateau_pressure(0.1).round(5))
+        >>> print(f"{float(plateau_pressure(0.1)):.5f}")
         0.03073
     """
     if law != "solver":

@@ -79,7 +79,7 @@ def design(
         >>> from jshell.sensitivity import design
         >>> found = design(0.8, 1.6, SOURCE)
         >>> print(found.outcome.word, len(found.shells))
-        ok 1
+        ok 2
     """
     if not 0 < omega_minus < omega_plus < np.inf:
         raise BadValue(

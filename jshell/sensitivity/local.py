@@ -131,7 +131,7 @@ def elasticities(which: str | Observable, conditions: Reduced, coefficients: Coe
         >>> from jshell.sensitivity import elasticities
         >>> found = elasticities("omega_plus", Reduced(0.08, 0.9, 1.2, 0.004), SOURCE)
         >>> print(f"{found.elasticity[found.inputs.index('alpha1')]:.2f}")
-        -0.26
+        -0.43
     """
     name, function = observable(which)
     x = point(conditions, coefficients)

@@ -8,7 +8,7 @@ import pytest
 import jshell as js
 from jshell.shell import SPHERE_VOLUME
 
-ELEMENTS, STEP, DURATION = 12, 0.05, 20.0
+ELEMENTS, STEP, DURATION = 24, 0.05, 20.0
 R = np.array([0.22, 1.6, 0.004])
 
 
