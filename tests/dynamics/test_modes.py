@@ -136,7 +136,7 @@ def test_holding_the_impulse_gives_the_decay_times_of_the_reference(family, case
     for k, case in enumerate(cases):
         problem = make_problem(case["d"], case["P0"], case["Pext"], case["eta"])
         # each shell has its nodes at its own rim
-        q, mesh = jax.tree.map(lambda batch: batch[k], (family.modes.rest.coordinates, family.modes.rest.meridian))
+        q, mesh = jax.tree.map(lambda batch, k=k: batch[k], (family.modes.rest.coordinates, family.modes.rest.meridian))
         M, G = liquid(mesh, q)
         K = solid(mesh, q, wall(mesh, problem, jnp.ones_like(mesh.angles)), problem, "current")
         found = held_roots(*(np.asarray(part) for part in (K, M, G, mesh.shift)), case["eta"])
