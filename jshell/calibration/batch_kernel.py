@@ -28,7 +28,7 @@ from jaxtyping import Array, Float
 from jshell.calibration.records import SMALLEST_NOISE
 from jshell.shell.elasticity import SPHERE_VOLUME
 from jshell.signals.lane_search import Look, Search, begin, descend
-from jshell.signals.lanes import backward, cholesky, forward, lanewise, listed, stage, total
+from jshell.signals.lanes import backward, centred, cholesky, forward, lanewise, listed, spreads, stage, total
 from jshell.signals.pencil_batch import poles
 from jshell.signals.wave_sums import data_sums, gram, uneven_sums
 
@@ -240,22 +240,6 @@ def prepare(raw: Raw, cell: int) -> Ready:
         cell: Samples per cell of the matrix pencil.
     """
     go = raw.count[0] >= 0
-
-    def centred(values, count):
-        inside = jnp.arange(values.shape[1])[:, None] < count
-        values = jnp.where(inside, values, 0.0)
-        mean = jnp.sum(values, axis=1) / count
-        return jnp.where(inside, values - mean[:, None], 0.0), mean
-
-    def spreads(y, count):
-        times = y.shape[1]
-        sixth = total(c * y[:, k : times - 6 + k] for k, c in enumerate((1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0)))
-        inside = jnp.arange(times - 6)[:, None] < count - 6
-        rough = jnp.pad(jnp.where(inside, sixth * sixth, 0.0), ((0, 0), (0, 6), (0, 0)))
-        return jnp.sum(y * y, axis=1) / count, jnp.sum(rough, axis=1) / jnp.maximum(
-            count - 6, 1.0
-        ) / 924.0  # (12 choose 6)
-
     y, mean = stage(centred, go, raw.values, raw.count)
     square, noise = stage(spreads, go, y, raw.count)
     scale = jax.lax.rsqrt(jnp.maximum(square, 1e-300))

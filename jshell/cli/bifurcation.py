@@ -1,24 +1,27 @@
 """`jshell bifurcation`: what a tone of rising amplitude does to a shell once its transients are gone."""
 
 import importlib
-from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import typer
 
-from jshell.cli.output import Json, finish, log, say, speaking, table, writable
+from jshell.cli.constants import with_constants
+from jshell.cli.destinations import Picture, drawable
+from jshell.cli.output import Json, finish, log, say, speaking, table
 from jshell.cli.problem import Problem, with_conditions
 from jshell.errors import BadValue, Outcome
-from jshell.oscillator import SOURCE, Coefficients, Drag, frequencies
+from jshell.oscillator import Coefficients, Drag, frequencies
 from jshell.oscillator import bifurcation as diagram
 from jshell.shell import SPHERE_VOLUME
 
 
 @speaking
 @with_conditions
+@with_constants
 def bifurcation(
     problem: Problem,
+    constants: Coefficients,
     highest: Annotated[float, typer.Option(help="Largest amplitude / (E d/R0).")],
     lowest: Annotated[float, typer.Option(help="Least amplitude / (E d/R0).")] = 0.001,
     lanes: Annotated[int, typer.Option(help="How many amplitudes.")] = 400,
@@ -26,16 +29,11 @@ def bifurcation(
     periods: Annotated[int, typer.Option(help="Of the tone, for each amplitude.")] = 200,
     keep: Annotated[int, typer.Option(help="Periods looked at, at the end.")] = 50,
     tau: Annotated[float | None, typer.Option(help="Decay time of both modes instead of the viscous law.")] = None,
-    alpha1: Annotated[float, typer.Option(help="Added-mass factor of the volume.")] = float(SOURCE.alpha1),
-    alpha2: Annotated[float, typer.Option(help="Added-mass factor of the area.")] = float(SOURCE.alpha2),
-    k_vs: Annotated[float, typer.Option(help="Volume-area coupling.")] = float(SOURCE.k_vs),
-    beta1: Annotated[float, typer.Option(help="Damping factor of the volume.")] = float(SOURCE.beta1),
-    plot: Annotated[Path | None, typer.Option("--plot", help="Picture to write: png, pdf or svg.")] = None,
+    plot: Picture = None,
     as_json: Json = False,
 ) -> None:
     """Bifurcation diagram: the volume once a period over the amplitude of a tone."""
-    if plot is not None:
-        writable(plot, "--plot")
+    drawable(plot)
     if not (0 < lowest < highest and lanes > 1):
         raise BadValue(
             "--lowest, --highest, --lanes",
@@ -45,7 +43,6 @@ def bifurcation(
         )
     if tau is None:
         problem.needs_viscosity()
-    constants = Coefficients(alpha1, alpha2, k_vs, beta1)
     if pulsation is None:
         linear = frequencies(problem.conditions, constants)
         finish(Outcome(int(linear.outcome)))

@@ -1,44 +1,40 @@
 """`jshell cycle`: a pressure that goes up and down, and a shell that buckles and unbuckles with it."""
 
 import importlib
-from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import typer
 
 from jshell import io
-from jshell.cli.output import Json, finish, log, say, speaking, table, writable
+from jshell.cli.constants import with_constants
+from jshell.cli.destinations import OutFile, Picture, drawable, traceable
+from jshell.cli.output import Json, finish, log, say, speaking, table
 from jshell.cli.problem import Problem, with_conditions
 from jshell.errors import BadValue
-from jshell.oscillator import SOURCE, Coefficients, Drag, Swing, follow
+from jshell.oscillator import Coefficients, Drag, Swing, follow
 from jshell.trace import Trace
 
 
 @speaking
 @with_conditions
+@with_constants
 def cycle(
     problem: Problem,
+    constants: Coefficients,
     low: Annotated[float, typer.Option(help="Least outer pressure / (E d/R0).")],
     high: Annotated[float, typer.Option(help="Largest outer pressure / (E d/R0).")],
     period: Annotated[float, typer.Option(help="Length of one cycle.")] = 400.0,
     cycles: Annotated[int, typer.Option(help="How many.")] = 2,
     samples: Annotated[int, typer.Option(help="A cycle.")] = 1000,
     tau: Annotated[float | None, typer.Option(help="Decay time of both modes instead of the viscous law.")] = None,
-    alpha1: Annotated[float, typer.Option(help="Added-mass factor of the volume.")] = float(SOURCE.alpha1),
-    alpha2: Annotated[float, typer.Option(help="Added-mass factor of the area.")] = float(SOURCE.alpha2),
-    k_vs: Annotated[float, typer.Option(help="Volume-area coupling.")] = float(SOURCE.k_vs),
-    beta1: Annotated[float, typer.Option(help="Damping factor of the volume.")] = float(SOURCE.beta1),
-    out: Annotated[Path | None, typer.Option("--out", help="Trace to write: CSV, JSON, .npz, NetCDF or .mat.")] = None,
-    plot: Annotated[Path | None, typer.Option("--plot", help="Hysteresis to draw: png, pdf or svg.")] = None,
+    out: OutFile = None,
+    plot: Picture = None,
     as_json: Json = False,
 ) -> None:
     """Follow a shell through buckling and unbuckling under a pressure that swings between two values."""
-    for option, path in (("--out", out), ("--plot", plot)):
-        if path is not None:
-            writable(path, option)
-    if out is not None:
-        io.check_suffix(out)
+    traceable(out)
+    drawable(plot)
     if not (0 < low < high and cycles > 0 and samples > 1):
         raise BadValue(
             "--low, --high, --cycles, --samples",
@@ -53,7 +49,7 @@ def cycle(
     times = np.linspace(0.0, cycles * period, cycles * samples + 1)
     log(f"following {cycles} cycles of {period:g} time units")
     swing = Swing(low - rest, high - rest, period)
-    found = follow(problem.conditions, Coefficients(alpha1, alpha2, k_vs, beta1), swing, times=times, drag=drag)
+    found = follow(problem.conditions, constants, swing, times=times, drag=drag)
     if out is not None:
         t = found.trace
         io.write_trace(out, Trace(t.times, t.channels, t.conditions, outcome=int(found.outcome), settings=t.settings,

@@ -5,25 +5,24 @@ from typing import Annotated
 import typer
 
 from jshell import sensitivity
+from jshell.cli.constants import with_masses
 from jshell.cli.output import Json, finish, say, speaking, table
 from jshell.cli.problem import named
-from jshell.oscillator import SOURCE, Coefficients
+from jshell.oscillator import Coefficients
 
 
 @speaking
+@with_masses
 def design(
+    constants: Coefficients,
     omega_minus: Annotated[float, typer.Option("--omega-minus", help="Wanted slow pulsation.")],
     omega_plus: Annotated[float, typer.Option("--omega-plus", help="Wanted fast pulsation.")],
     excess: Annotated[float, typer.Option(help="Outer pressure over the buckling load.")] = 1.0,
     kappa: Annotated[float, typer.Option(help="Polytropic exponent of the gas.")] = 1.4,
     nu: Annotated[float, typer.Option(help="Poisson ratio.")] = 0.5,
-    alpha1: Annotated[float, typer.Option(help="Added-mass factor of the volume.")] = float(SOURCE.alpha1),
-    alpha2: Annotated[float, typer.Option(help="Added-mass factor of the area.")] = float(SOURCE.alpha2),
-    k_vs: Annotated[float, typer.Option(help="Volume-area coupling.")] = float(SOURCE.k_vs),
     as_json: Json = False,
 ) -> None:
     """Thickness and gas pressure of the shells that have two wanted frequencies."""
-    constants = Coefficients(alpha1, alpha2, k_vs)
     found = sensitivity.design(omega_minus, omega_plus, constants, excess=excess, kappa=kappa, poisson_ratio=nu)
     shells = [named(shell) for shell in found.shells]
     if as_json:

@@ -8,11 +8,13 @@ import numpy as np
 import typer
 
 from jshell import io
-from jshell.cli.output import Json, finish, log, say, speaking, table, writable
+from jshell.cli.constants import with_constants
+from jshell.cli.destinations import OutFile, Picture, drawable, traceable
+from jshell.cli.output import Json, finish, log, say, speaking, table
 from jshell.cli.problem import Problem, with_conditions
 from jshell.errors import BadName, BadValue, Outcome
 from jshell.memory import half_derivative
-from jshell.oscillator import SOURCE, Coefficients, Drag, Pulse, Ramp, Response, Reynolds, Step, StokesLayer, Tone
+from jshell.oscillator import Coefficients, Drag, Pulse, Ramp, Response, Reynolds, Step, StokesLayer, Tone
 from jshell.oscillator import drive as run
 from jshell.oscillator.forcing import Forcing
 from jshell.shell import SPHERE_VOLUME
@@ -24,8 +26,10 @@ DRAGS = ("viscous", "equal_decay", "reynolds", "none")
 
 @speaking
 @with_conditions
+@with_constants
 def drive(
     problem: Problem,
+    constants: Coefficients,
     forcing: Annotated[str, typer.Option(help="tone, pulse, burst, step or ramp.")] = "tone",
     amplitude: Annotated[
         float, typer.Option(help="Added pressure / (E d/R0); of a pulse or burst its peak negative pressure.")
@@ -42,23 +46,15 @@ def drive(
     layer: Annotated[float, typer.Option(help="Factor of a Stokes layer; 0 is none.")] = 0.0,
     wall_viscosity: Annotated[float, typer.Option(help="Viscosity of the wall / (E d time).")] = 0.0,
     sound_speed: Annotated[float | None, typer.Option(help="Speed of sound / sqrt(E d/rho R0).")] = None,
-    alpha1: Annotated[float, typer.Option(help="Added-mass factor of the volume.")] = float(SOURCE.alpha1),
-    alpha2: Annotated[float, typer.Option(help="Added-mass factor of the area.")] = float(SOURCE.alpha2),
-    k_vs: Annotated[float, typer.Option(help="Volume-area coupling.")] = float(SOURCE.k_vs),
-    beta1: Annotated[float, typer.Option(help="Damping factor of the volume.")] = float(SOURCE.beta1),
-    out: Annotated[Path | None, typer.Option("--out", help="Trace to write: CSV, JSON, .npz, NetCDF or .mat.")] = None,
-    plot: Annotated[Path | None, typer.Option("--plot", help="Picture to write: png, pdf or svg.")] = None,
+    out: OutFile = None,
+    plot: Picture = None,
     as_json: Json = False,
 ) -> None:
     """Drive a buckled shell by a tone, pulse, burst, step or ramp, with the nonlinear short model."""
-    for option, path in (("--out", out), ("--plot", plot)):
-        if path is not None:
-            writable(path, option)
-    if out is not None:
-        io.check_suffix(out)
+    traceable(out)
+    drawable(plot)
     if drag in ("viscous", "reynolds") or layer > 0:
         problem.needs_viscosity()
-    constants = Coefficients(alpha1, alpha2, k_vs, beta1)
     omega = _pulsation(problem, constants, pulsation, mhz)
     size = amplitude if kpa is None else _si(problem, "--kpa") and 1e3 * kpa / problem.scales.pressure  # pyright: ignore
     pressure = _forcing(forcing, size, omega, cycles, rise)

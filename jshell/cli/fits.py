@@ -8,7 +8,8 @@ import typer
 
 from jshell import calibration, io
 from jshell.calibration.joint import CONDITIONS
-from jshell.cli.output import Json, finish, log, say, speaking, writable
+from jshell.cli.destinations import drawable, writable
+from jshell.cli.output import Json, finish, log, say, speaking
 from jshell.errors import BadName, BadValue
 
 TABLE_NEEDS = ("d_hat", "P0_hat", "Pext_hat", "omega_minus", "omega_plus")
@@ -66,9 +67,8 @@ def fit(
     limits = {named(text, "--bounds")[0]: span(named(text, "--bounds")[1], "--bounds") for text in bounds or []}
     ties = dict(named(text, "--tie") for text in tie or [])
     spans = tuple(span(text, "--drop") for text in drop or [])
-    for path, option in ((plot, "--plot"), (save, "--save")):
-        if path is not None:
-            writable(path, option)
+    drawable(plot)
+    writable(save, "--save")
     if window is not None:
         low, high = span(window, "--window")
         start, stop = (low if np.isfinite(low) else start), (high if np.isfinite(high) else stop)
@@ -129,9 +129,8 @@ def show(
     as_json: Json = False,
 ) -> None:
     """Show a saved fit: its report and its picture, without fitting again."""
-    for path, option in ((plot, "--plot"), (netcdf, "--netcdf")):
-        if path is not None:
-            writable(path, option)
+    drawable(plot)
+    writable(netcdf, "--netcdf")
     found = calibration.load(record)
     if netcdf is not None:
         log(f"wrote {found.to_netcdf(netcdf)}")

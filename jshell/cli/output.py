@@ -6,14 +6,13 @@ import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 import typer
 from typer.core import TyperGroup
 
-from jshell.errors import BadFile, BadName, BadValue, JshellError, Outcome
+from jshell.errors import BadName, BadValue, JshellError, Outcome
 
 BAD_INPUT = 2
 NOT_OK = 3
@@ -65,18 +64,6 @@ def cell(item: Any) -> str:
         return item
     number = float(item)
     return f"{number:.5g}" if np.isfinite(number) else "–"
-
-
-def writable(path: Path, option: str) -> Path:
-    """The path, refused before any work is done if nothing can be written there.
-
-    Raises:
-        BadFile: Its folder does not exist, or it is a folder itself.
-    """
-    if not path.parent.is_dir() or path.is_dir():
-        found = "a folder" if path.is_dir() else f"no folder {path.parent}"
-        raise BadFile(option, found=found, expected="a file in a folder that exists", remedy="Check the path.")
-    return path
 
 
 def log(text: str) -> None:

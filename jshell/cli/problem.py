@@ -1,14 +1,14 @@
 """The conditions that every verb takes: a preset, pure numbers, or SI.
 
 One place declares these options; `with_conditions` adds them to a verb and
-hands it a `Problem`.
+hands it a `Problem`; `with_options` does so for any group of options.
 """
 
 import functools
 import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -183,16 +183,25 @@ def _flags(names) -> list[str]:
     return ["--" + name.replace("_", "-") for name in names]
 
 
-def with_conditions(verb: Callable[..., None]) -> Callable[..., None]:
-    """Give a verb the options of `conditions`; its first argument receives the `Problem`."""
-    options = inspect.signature(conditions).parameters
-    own = list(inspect.signature(verb).parameters.values())[1:]
+def with_options(build: Callable[..., Any], name: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """A decorator that gives a verb the options of `build`, and what `build` makes of them as its argument `name`."""
+    options = inspect.signature(build).parameters
 
-    @functools.wraps(verb)
-    def wrapped(**given) -> None:
-        verb(conditions(**{name: given.pop(name) for name in options}), **given)
+    def decorate(verb: Callable[..., None]) -> Callable[..., None]:
+        own = [parameter for parameter in inspect.signature(verb).parameters.values() if parameter.name != name]
 
-    shown = sorted((*own, *options.values()), key=lambda p: p.default is not inspect.Parameter.empty)
-    wrapped.__signature__ = inspect.Signature(shown)  # pyright: ignore[reportAttributeAccessIssue]
-    wrapped.__annotations__ = {p.name: p.annotation for p in shown}
-    return wrapped
+        @functools.wraps(verb)
+        def wrapped(**given) -> None:
+            built = build(**{option: given.pop(option) for option in options})
+            verb(**{name: built}, **given)
+
+        shown = sorted((*own, *options.values()), key=lambda p: p.default is not inspect.Parameter.empty)
+        shown = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in shown]
+        wrapped.__signature__ = inspect.Signature(shown)  # pyright: ignore[reportAttributeAccessIssue]
+        wrapped.__annotations__ = {p.name: p.annotation for p in shown}
+        return wrapped
+
+    return decorate
+
+
+with_conditions = with_options(conditions, "problem")

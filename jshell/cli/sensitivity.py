@@ -7,10 +7,12 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from jshell.cli.output import Json, say, speaking, table, writable
+from jshell.cli.constants import with_constants
+from jshell.cli.destinations import Picture, drawable
+from jshell.cli.output import Json, say, speaking, table
 from jshell.cli.problem import Problem, named, with_conditions
 from jshell.errors import BadValue
-from jshell.oscillator import SOURCE, Coefficients
+from jshell.oscillator import Coefficients
 from jshell.sensitivity import Elasticities, Range, SobolIndices, elasticities, information, next_experiment, sobol
 from jshell.sensitivity.identifiability import PARAMETERS
 from jshell.shell import Reduced
@@ -18,8 +20,10 @@ from jshell.shell import Reduced
 
 @speaking
 @with_conditions
+@with_constants
 def sensitivity(
     problem: Problem,
+    constants: Coefficients,
     of: Annotated[
         str,
         typer.Option("--of", help="omega_minus, omega_plus, tau, volume, pressure, stability_margin or omega_sphere"),
@@ -38,17 +42,11 @@ def sensitivity(
     ] = None,
     sigma: Annotated[float, typer.Option(help="Relative standard error of a frequency, for --next.")] = 0.01,
     missing: Annotated[str, typer.Option(help="Runs that give no number: refuse or drop.")] = "refuse",
-    alpha1: Annotated[float, typer.Option(help="Added-mass factor of the volume.")] = float(SOURCE.alpha1),
-    alpha2: Annotated[float, typer.Option(help="Added-mass factor of the area.")] = float(SOURCE.alpha2),
-    k_vs: Annotated[float, typer.Option(help="Volume-area coupling.")] = float(SOURCE.k_vs),
-    beta1: Annotated[float, typer.Option(help="Damping factor of the volume.")] = float(SOURCE.beta1),
-    plot: Annotated[Path | None, typer.Option("--plot", help="Picture to write: png, pdf or svg.")] = None,
+    plot: Picture = None,
     as_json: Json = False,
 ) -> None:
     """Elasticities of a number at a shell; with --range, Sobol indices; with --next, which shell to measure next."""
-    if plot is not None:
-        writable(plot, "--plot")
-    constants = Coefficients(alpha1, alpha2, k_vs, beta1)
+    drawable(plot)
     if following:
         _advise(problem, constants, following, sigma, plot, as_json)
         return

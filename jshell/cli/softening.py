@@ -1,22 +1,25 @@
 """`jshell softening`: how much slower a shell rings once it has buckled."""
 
 import importlib
-from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import typer
 
-from jshell.cli.output import Json, finish, say, speaking, table, writable
+from jshell.cli.constants import with_masses
+from jshell.cli.destinations import Picture, drawable
+from jshell.cli.output import Json, finish, say, speaking, table
 from jshell.errors import BadValue, Outcome
-from jshell.oscillator import SOURCE, Coefficients, crossing, simulated_modes
+from jshell.oscillator import Coefficients, crossing, simulated_modes
 from jshell.oscillator import softening as drop
 
 COLUMNS, ROWS = 48, 40  # of the map
 
 
 @speaking
+@with_masses
 def softening(
+    constants: Coefficients,
     d_hat: Annotated[float, typer.Option("--d-hat", help="Thickness d/R0.")] = 0.02,
     p0_hat: Annotated[float, typer.Option("--p0-hat", help="Gas pressure / (E d/R0).")] = 0.4,
     highest: Annotated[
@@ -26,15 +29,11 @@ def softening(
     whole_map: Annotated[
         bool, typer.Option("--map", help="Draw the fall of ω− over thickness and gas pressure instead.")
     ] = False,
-    alpha1: Annotated[float, typer.Option(help="Added-mass factor of the volume.")] = float(SOURCE.alpha1),
-    alpha2: Annotated[float, typer.Option(help="Added-mass factor of the area.")] = float(SOURCE.alpha2),
-    k_vs: Annotated[float, typer.Option(help="Volume-area coupling.")] = float(SOURCE.k_vs),
-    plot: Annotated[Path | None, typer.Option("--plot", help="Picture to write: png, pdf or svg.")] = None,
+    plot: Picture = None,
     as_json: Json = False,
 ) -> None:
     """Pulsations just before over just after buckling, with the simulator's own modes beside them where stored."""
-    if plot is not None:
-        writable(plot, "--plot")
+    drawable(plot)
     if not (d_hat > 0 and p0_hat > 0 and points > 1):
         raise BadValue(
             "--d-hat, --p0-hat, --points",
@@ -42,7 +41,6 @@ def softening(
             expected="numbers above 0, and 2 points or more",
             remedy="Check them.",
         )
-    constants = Coefficients(alpha1, alpha2, k_vs)
     fall = drop(d_hat, p0_hat, constants)
     load = float(fall.load)
     buckles = np.isfinite(load)

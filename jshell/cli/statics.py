@@ -8,7 +8,9 @@ import numpy as np
 import typer
 
 from jshell import dynamics, membrane, oscillator
-from jshell.cli.output import Json, finish, log, say, speaking, table, writable
+from jshell.cli.constants import with_masses
+from jshell.cli.destinations import drawable
+from jshell.cli.output import Json, finish, log, say, speaking, table
 from jshell.cli.problem import Problem, with_conditions
 from jshell.contour import NO_WEAK_SPOT, WeakSpot
 from jshell.errors import BadValue, Outcome
@@ -104,8 +106,7 @@ def branch(
     as_json: Json = False,
 ) -> None:
     """Deflation branch: every dimpled shape from the sphere to contact, its folds, eigenvalue and Maxwell point."""
-    if plot is not None:
-        writable(plot, "--plot")
+    drawable(plot)
     c = problem.conditions
     found = membrane.deflation_branch(c, elements=elements, area=energy, lowest=lowest)
     threshold = membrane.buckling_eigenvalue(c.thickness, c.poisson_ratio, area=energy)
@@ -199,15 +200,14 @@ def modes(
 
 @speaking
 @with_conditions
+@with_masses
 def frequencies(
     problem: Problem,
-    alpha1: Annotated[float, typer.Option(help="Added-mass factor of the volume.")] = 3.6,
-    alpha2: Annotated[float, typer.Option(help="Added-mass factor of the area.")] = 1.1,
-    kvs: Annotated[float, typer.Option("--kvs", help="Volume-area coupling.")] = 0.23,
+    constants: oscillator.Coefficients,
     as_json: Json = False,
 ) -> None:
     """The short model's two frequencies (eq:defw, plateau law), beside the sphere's and Marmottant's."""
-    found = oscillator.frequencies(problem.conditions, oscillator.Coefficients(alpha1, alpha2, kvs))
+    found = oscillator.frequencies(problem.conditions, constants)
     outcome = Outcome(int(found.outcome))
     numbers = {
         "omega_minus": found.omega_minus,
@@ -222,8 +222,8 @@ def frequencies(
         buckled = ("omega_minus", "omega_plus", "P", "V", "stability_margin")
         numbers |= dict.fromkeys(buckled)
     if as_json:
-        constants = {"alpha1": alpha1, "alpha2": alpha2, "kVS": kvs}
-        say({**numbers, "outcome": outcome, "constants": constants, "conditions": problem.record()})
+        used = {"alpha1": constants.alpha1, "alpha2": constants.alpha2, "kVS": constants.k_vs}
+        say({**numbers, "outcome": outcome, "constants": used, "conditions": problem.record()})
     else:
         words = {
             "omega_minus": "slow frequency ω−",

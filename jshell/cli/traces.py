@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.progress import Progress
 
 from jshell import dynamics, io, plot, signals
+from jshell.cli.destinations import drawable, traceable, writable
 from jshell.cli.driving import (
     Bulk,
     Burst,
@@ -27,14 +28,13 @@ from jshell.cli.driving import (
     losses,
     outer_pressure,
 )
-from jshell.cli.output import Json, finish, log, say, speaking, table, writable
+from jshell.cli.output import Json, finish, log, say, speaking, table
 from jshell.cli.problem import Problem, with_conditions
 from jshell.cli.statics import Attached, Elements, Spot, weak_spot
 from jshell.contour import WeakSpot
 from jshell.dynamics import LONGEST_STEP
 from jshell.errors import BadName, BadUnits, BadValue, Outcome
 from jshell.membrane.equilibrium import DIMPLE_DEPTH
-from jshell.plot.style import FORMATS
 from jshell.shell import SPHERE_AREA, SPHERE_VOLUME
 from jshell.trace import Trace
 
@@ -87,21 +87,16 @@ def simulate(
     Times, frequencies and pressures of the options are without units: time unit √(ρ R0³/(E d)), pressure E d/R0.
     """
     problem.needs_viscosity()
-    writable(out, "--out")
-    io.check_suffix(out, "--out")
-    for picture, option, endings in ((film, "--film", FORMATS), (gif, "--gif", (".gif",))):
-        if picture is not None and writable(picture, option).suffix.lower() not in endings:
-            raise BadName(
-                option, found=picture.name, expected="a name that ends in " + " or ".join(endings), remedy="Rename it."
-            )
+    traceable(out)
+    drawable(film, "--film")
+    writable(gif, "--gif", (".gif",))
     if units not in ("reduced", "si"):
         raise BadName("--units", found=repr(units), expected="reduced or si", remedy="Choose one.")
     if units == "si" and problem.scales is None:
         raise BadUnits(
             "--units si", found="conditions without units", expected="SI conditions", remedy="Give --r0 and its kin."
         )
-    if checkpoint is not None:
-        writable(checkpoint, "--checkpoint")
+    writable(checkpoint, "--checkpoint")
     pressure, added = outer_pressure(pressure_file, problem), forcing(tone, burst, burst_start)
     lost = losses(stokes, stokes_frequency, bulk, wall_dilatation, retardation, reynolds)
     if not quiet:

@@ -22,7 +22,7 @@ from jaxtyping import Array, Float
 
 from jshell.errors import BadShape, BadValue, Outcome
 from jshell.signals.lane_search import CONVERGED, RUNNING, Look, begin, descend
-from jshell.signals.lanes import BLOCK, backward, cholesky, forward, lanewise, listed, stage, total
+from jshell.signals.lanes import BLOCK, backward, centred, cholesky, forward, lanewise, listed, spreads, stage, total
 from jshell.signals.pencil import rates
 from jshell.signals.pencil_batch import CELLS, poles
 from jshell.signals.wave_sums import INNER, data_sums, gram
@@ -126,19 +126,6 @@ class Ending(NamedTuple):
 def solve(values: Float[Array, "1 times block"], count: Float[Array, " block"], start, cell: int) -> Ending:
     """Fit a block; NaN starts come from the pencil."""
     go = count[0] >= 0
-
-    def centred(values, count):
-        inside = jnp.arange(values.shape[1])[:, None] < count
-        values = jnp.where(inside, values, 0.0)
-        mean = jnp.sum(values, axis=1) / count
-        return jnp.where(inside, values - mean[:, None], 0.0), mean
-
-    def spreads(y, count):
-        times = y.shape[1]
-        sixth = total(c * y[:, k : times - 6 + k] for k, c in enumerate((1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0)))
-        rough = jnp.where(jnp.arange(times - 6)[:, None] < count - 6, sixth * sixth, 0.0)
-        return jnp.sum(y * y, axis=1) / count, jnp.sum(rough, axis=1) / jnp.maximum(count - 6, 1.0) / 924.0
-
     y, mean = stage(centred, go, values, count)
     square, noise = stage(spreads, go, y, count)
     growth, turn = poles(y, count, jax.lax.rsqrt(jnp.maximum(square, 1e-300)), cell, go)

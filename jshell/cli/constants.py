@@ -1,0 +1,28 @@
+"""The constants of the short model as options: one place declares them."""
+
+from typing import Annotated
+
+import typer
+
+from jshell.cli.problem import with_options
+from jshell.oscillator import SOURCE, Coefficients
+
+Alpha1 = Annotated[float, typer.Option("--alpha1", help="Added-mass factor of the volume.")]
+Alpha2 = Annotated[float, typer.Option("--alpha2", help="Added-mass factor of the area.")]
+KVS = Annotated[float, typer.Option("--k-vs", "--kvs", help="Volume-area coupling.")]
+Beta1 = Annotated[float, typer.Option("--beta1", help="Damping factor of the volume.")]
+ALPHA1, ALPHA2, K_VS, BETA1 = (float(number) for number in (SOURCE.alpha1, SOURCE.alpha2, SOURCE.k_vs, SOURCE.beta1))
+
+
+def masses(alpha1: Alpha1 = ALPHA1, alpha2: Alpha2 = ALPHA2, k_vs: KVS = K_VS) -> Coefficients:
+    """The constants that frequencies depend on."""
+    return Coefficients(alpha1, alpha2, k_vs)
+
+
+def damped(alpha1: Alpha1 = ALPHA1, alpha2: Alpha2 = ALPHA2, k_vs: KVS = K_VS, beta1: Beta1 = BETA1) -> Coefficients:
+    """The constants that a damped run depends on."""
+    return Coefficients(alpha1, alpha2, k_vs, beta1)
+
+
+with_masses = with_options(masses, "constants")
+with_constants = with_options(damped, "constants")

@@ -1,0 +1,48 @@
+"""Where a verb writes: its options, and their refusal before any work is done."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from jshell import io
+from jshell.errors import BadFile, BadName
+from jshell.plot.style import FORMATS as PICTURES
+
+OutFile = Annotated[Path | None, typer.Option("--out", help="Trace to write: CSV, JSON, .npz, NetCDF or .mat.")]
+Picture = Annotated[Path | None, typer.Option("--plot", help="Picture to write: png, pdf or svg.")]
+
+
+def writable(path: Path | None, option: str, endings: Sequence[str] = ()) -> None:
+    """Refuse a path where nothing can be written; None, an option not given, is fine.
+
+    Args:
+        path: Where a file shall stand.
+        option: The option that named it.
+        endings: Suffixes that it may have; none named allows all.
+
+    Raises:
+        BadFile: Its folder does not exist, or it is a folder itself.
+        BadName: Another suffix.
+    """
+    if path is None:
+        return
+    if not path.parent.is_dir() or path.is_dir():
+        found = "a folder" if path.is_dir() else f"no folder {path.parent}"
+        raise BadFile(option, found=found, expected="a file in a folder that exists", remedy="Check the path.")
+    if endings and path.suffix.lower() not in endings:
+        ways = " or ".join(endings)
+        raise BadName(option, found=path.name, expected=f"a name that ends in {ways}", remedy="Rename it.")
+
+
+def drawable(plot: Path | None, option: str = "--plot") -> None:
+    """Refuse a picture that could not be written."""
+    writable(plot, option, PICTURES)
+
+
+def traceable(out: Path | None) -> None:
+    """Refuse a trace's file that could not be written."""
+    writable(out, "--out")
+    if out is not None:
+        io.check_suffix(out, "--out")
