@@ -19,7 +19,7 @@ lint: $(STAMP)
 	$(BIN)/pyright
 
 slow: $(STAMP)
-	$(BIN)/python -m pytest -m slow
+	$(BIN)/python -m pytest -m slow -o faulthandler_timeout=0
 
 bench: $(STAMP)
 	$(BIN)/python benchmarks/trace.py

@@ -14,8 +14,6 @@ import sys
 import time
 from collections.abc import Callable
 
-os.environ.setdefault("XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false")
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp

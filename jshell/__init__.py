@@ -1,6 +1,10 @@
 """Buckling spherical shells in a liquid: simulate, listen, fit."""
 
-from jshell import precision
+from jshell import threads
+
+threads.ask_for_one()
+
+from jshell import precision  # noqa: E402
 
 precision.ask_for_double()
 

@@ -63,6 +63,8 @@ def simulate_many(conditions: Reduced, *, devices: Sequence | None = None, **opt
     )
     mesh = Mesh(np.array(where), ("shells",))
     along = PartitionSpec("shells")
-    each = jax.vmap(lambda one: simulate(one, **options))
+    one = lambda shell: simulate(shell, **options)  # noqa: E731
+    # a CPU runs shells one after another, each as long as it needs; a GPU runs all of them in every step
+    each = (lambda shells: jax.lax.map(one, shells)) if where[0].platform == "cpu" else jax.vmap(one)
     spread = jax.jit(jax.shard_map(each, mesh=mesh, in_specs=along, out_specs=along, check_vma=False))
     return jax.tree.map(lambda values: values[:count], spread(filled))
