@@ -1,17 +1,21 @@
 """Thin shells and whole tables: what takes its time."""
 
+import importlib
 import json
 from pathlib import Path
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jshell.contour import NO_WEAK_SPOT
 from jshell.errors import Outcome, RangeWarning
 from jshell.membrane import buckling_eigenvalue, deflation_branch, maxwell_point, plateau_pressure, rest
 from jshell.shell import Reduced
 from jshell.shell import plateau_pressure as law
 
+module = importlib.import_module("jshell.membrane.rest")  # `membrane.rest` is the function
 ORIGIN = Path(__file__).parents[1] / "data" / "reference" / "plateau.json"
 PLATEAU = {float(d): row for d, row in json.loads(ORIGIN.read_text()).items() if d != "origin"}
 pytestmark = pytest.mark.slow
@@ -98,3 +102,28 @@ def test_gradients_of_the_reference_shape(R):
         central = float(volume(near[0]) - volume(near[1])) / (2 * h)
         # h² times a third derivative
         assert float(getattr(slopes, name)) == pytest.approx(central, rel=1e-6)
+
+
+@pytest.fixture
+def lost(make_problem):
+    """A thin shell's conditions, its shape, and where its wall is weak: nowhere."""
+    conditions = make_problem(0.015, 0.9, 1.7)
+    spot = tuple(jnp.asarray(number, dtype=float) for number in (NO_WEAK_SPOT.depth, NO_WEAK_SPOT.width))
+    return conditions, rest(conditions, elements=32), spot
+
+
+@pytest.mark.filterwarnings("ignore::jshell.errors.RangeWarning")
+def test_a_shape_reached_through_thicker_shells_is_the_shape(lost):
+    conditions, direct, spot = lost
+    found = module.thinned_down(conditions, direct, spot, "current")
+    assert int(found.outcome) == Outcome.OK
+    assert float(found.volume_ratio) == pytest.approx(float(direct.volume_ratio), rel=1e-4)
+
+
+@pytest.mark.filterwarnings("ignore:(below d_hat|elements at the rim)")
+def test_a_thickness_that_is_not_reached_is_out_of_range_and_named(lost, monkeypatch):
+    conditions, direct, spot = lost
+    monkeypatch.setattr(module, "NO_STEP", 0.0)  # every step is too small to go on
+    with pytest.warns(RangeWarning, match=f"smallest reached is {module.THIN:.3g}"):
+        found = module.thinned_down(conditions, direct, spot, "current")
+    assert int(found.outcome) == Outcome.OUT_OF_RANGE
