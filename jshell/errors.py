@@ -129,5 +129,47 @@ class NotOk(JshellError, RuntimeError):
         super().__init__(place, found=f"outcome {outcome.word}", expected="outcome ok", remedy=f"{outcome.advice}.")
 
 
+class WorkerLost(JshellError, RuntimeError):
+    """A task whose process or machine died under it; the others were not touched."""
+
+    code = "worker_lost"
+
+
+class NotFound(JshellError, LookupError):
+    """Nothing stored under that name."""
+
+    code = "not_found"
+
+
+class KeyConflict(JshellError, ValueError):
+    """An idempotency key that was used before, with another request."""
+
+    code = "key_conflict"
+
+
+class QueueFull(JshellError, RuntimeError):
+    """More work is waiting than the service was set to hold."""
+
+    code = "queue_full"
+
+
+class LimitReached(JshellError, RuntimeError):
+    """A job that took more time or memory than the service allows."""
+
+    code = "limit_reached"
+
+
+class StoreUnavailable(JshellError, OSError):
+    """The database cannot be read or written now; what it holds is untouched."""
+
+    code = "store_unavailable"
+
+
+class BadStore(JshellError, ValueError):
+    """A database that is damaged, or not one of jshell's."""
+
+    code = "bad_store"
+
+
 class RangeWarning(UserWarning):
     """A result outside the range in which its law was checked; published numbers may still be made with it."""

@@ -1,0 +1,96 @@
+"""One planned run: what it starts from, its conditions, and how finely it is computed.
+
+Everything a run depends on is a field here, so that the digest of the fields
+names it: the same run in two families, two designs or two places is the same.
+
+Symbols    d̂, P̂0, P̂ext, η̂ as in files   δP offset of both pressures [E d/R0]
+Source     Mokbel et al. 2021, numerical method and calibration on spherical oscillations
+"""
+
+import dataclasses
+import hashlib
+from dataclasses import dataclass
+
+from jshell.contour import WeakSpot
+from jshell.errors import BadName, BadValue
+from jshell.shell import Reduced
+
+KINDS = {
+    "modes": "small vibrations about the buckled rest shape, nothing in time",
+    "snap": "from the stress-free sphere, ramped to the outer pressure, then held",
+    "kick": "from the buckled rest shape, both pressures offset, kicked along its first two modes",
+    "step": "the sphere at the gas pressure, outer pressure raised at once; no weak spot",
+    "swell": "the compressed sphere, set breathing by a small velocity; no weak spot",
+}
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run, without units.
+
+    Attributes:
+        kind: `modes`, `snap`, `kick`, `step` or `swell`, see `KINDS`.
+        d_hat, P0_hat, Pext_hat, eta_hat, kappa, nu: The problem.
+        attached: Half-angle of the pad that holds the shell [rad]; 0 is free.
+        offset: δP added to inner and outer pressure at the rest shape, which keeps the shape [E d/R0]; `kick`, `modes`.
+        amplitude: Relative change of volume of a `kick` or `swell` [-].
+        weak_depth, weak_width: Of the weak spot; not used by `step` and `swell`.
+        ramp: Time the outer pressure takes [time unit]; `snap` alone.
+        duration, every: Length and spacing of the record [time unit]; the time step is at most `every`, nor over 1/60.
+        elements, follow: Mesh; whether the nodes follow the rim.
+        bulk: Whether the potential flow loses 2η e:e too, beside the Stokes layer; spheres always do, modes never.
+
+    Raises:
+        BadName, BadValue: No such kind; a number outside its meaning.
+    """
+
+    kind: str
+    d_hat: float | int
+    P0_hat: float | int
+    Pext_hat: float | int
+    eta_hat: float | int = 0.004
+    kappa: float | int = 1.4
+    nu: float | int = 0.5
+    attached: float | int = 0.0
+    offset: float | int = 0.0
+    amplitude: float | int = 0.005
+    weak_depth: float | int = 0.15
+    weak_width: float | int = 0.35
+    ramp: float | int = 25.0
+    duration: float | int = 70.0
+    every: float | int = 0.05
+    elements: int = 24
+    follow: bool = False
+    bulk: bool = False
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise BadName("kind", found=repr(self.kind), expected="one of " + ", ".join(KINDS), remedy="Choose one.")
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            kind = bool if field.name in ("follow", "bulk") else int if field.name == "elements" else float
+            if kind is float and not isinstance(value, bool) and isinstance(value, int | float):
+                object.__setattr__(self, field.name, float(value))  # 1 and 1.0 are one run
+            elif type(value) is not kind and field.name != "kind":
+                expected = {float: "a number", int: "a whole number", bool: "true or false"}[kind]
+                raise BadValue(field.name, found=repr(value), expected=expected, remedy="Check it.")
+        self.weak_spot  # noqa: B018  (a number outside its meaning is refused now)
+        self.conditions  # noqa: B018
+
+    @property
+    def conditions(self) -> Reduced:
+        """The problem, before any offset."""
+        return Reduced(self.d_hat, self.P0_hat, self.Pext_hat, self.eta_hat, self.kappa, self.nu)
+
+    @property
+    def weak_spot(self) -> WeakSpot:
+        return WeakSpot(0.0 if self.kind in ("step", "swell") else self.weak_depth, self.weak_width)
+
+    @property
+    def key(self) -> str:
+        """Twelve letters that no other run has."""
+        facts = repr(sorted(dataclasses.asdict(self).items()))
+        return hashlib.sha256(facts.encode()).hexdigest()[:12]
+
+
+FIELDS = {field.name: field for field in dataclasses.fields(Run)}

@@ -1,0 +1,107 @@
+"""Engines run tasks wherever they are asked to, lose only what died, and leave nothing behind."""
+
+import concurrent.futures
+import operator
+import os
+import signal
+import time
+from concurrent.futures import Future
+
+import psutil
+import pytest
+
+from jshell import engines
+from jshell.errors import BadName, BadValue, WorkerLost
+
+PATIENCE = 90.0  # [s] for a spawned process to begin and answer
+
+
+def alive(pids) -> list[int]:
+    return [pid for pid in pids if psutil.pid_exists(pid) and psutil.Process(pid).status() != psutil.STATUS_ZOMBIE]
+
+
+def test_inline_task_is_done_when_it_is_submitted_and_keeps_its_fault():
+    with engines.open("inline") as engine:
+        assert engine.submit(operator.add, 1, 2).result(timeout=0) == 3
+        assert isinstance(engine.submit(operator.truediv, 1, 0).exception(timeout=0), ZeroDivisionError)
+    with pytest.raises(RuntimeError):
+        engine.submit(operator.add, 1, 2)
+
+
+@pytest.mark.parametrize("name", ["dask", "processes:", "processes:two", "inline "])
+def test_unknown_engine_is_refused_by_name(name):
+    with pytest.raises(BadName, match="processes:N"):
+        engines.open(name)
+
+
+def test_no_process_at_all_is_refused():
+    with pytest.raises(BadValue, match="at least 1"):
+        engines.open("processes:0")
+
+
+def test_address_without_a_scheduler_is_refused(monkeypatch):
+    monkeypatch.setattr("jshell.engines.cluster.PATIENCE", 0.3)
+    with pytest.raises(BadValue, match="no Dask scheduler"):
+        engines.open("tcp://127.0.0.1:9")
+
+
+def test_dead_process_costs_its_own_task_and_is_replaced():
+    with engines.open("processes:2") as engine:
+        others = [engine.submit(os.getpid) for _ in range(4)]
+        began = {future.result(timeout=PATIENCE) for future in others}
+
+        sleeper = engine.submit(time.sleep, 600.0)
+        suicide = engine.submit(signal.raise_signal, signal.SIGKILL)
+        waiting = [engine.submit(pow, 2, k) for k in range(5)]
+        with pytest.raises(WorkerLost, match="raise_signal"):
+            suicide.result(timeout=PATIENCE)
+        assert [future.result(timeout=PATIENCE) for future in waiting] == [1, 2, 4, 8, 16]
+        assert sleeper.running()
+
+        assert engine.stop(sleeper)
+        with pytest.raises(WorkerLost, match=r"sleep\(600"):
+            sleeper.result(timeout=PATIENCE)
+        began |= {engine.submit(os.getpid).result(timeout=PATIENCE)}
+    assert not alive(began)
+
+
+def leave_by_an_exception() -> tuple[int, Future, Future]:
+    """Begin two tasks, then fail; the worker, the running and the waiting task."""
+    found = ()
+    try:
+        with engines.open("processes:1") as engine:
+            pid = engine.submit(os.getpid).result(timeout=PATIENCE)
+            found = pid, engine.submit(time.sleep, 600.0), engine.submit(operator.add, 1, 1)
+            raise KeyError
+    except KeyError:
+        return found
+
+
+def test_exception_ends_what_runs_and_drops_what_waits():
+    pid, running, waiting = leave_by_an_exception()
+    concurrent.futures.wait([running, waiting], timeout=PATIENCE)
+    assert isinstance(running.exception(timeout=0), WorkerLost)
+    assert waiting.cancelled()
+    assert not alive([pid])
+
+
+@pytest.mark.slow
+def test_dead_worker_of_a_cluster_costs_its_own_task_and_is_not_tried_again():
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=":0"
+    ) as cluster:
+        with engines.open(cluster.scheduler_address) as engine:
+            doomed = engine.submit(signal.raise_signal, signal.SIGKILL)
+            with pytest.raises(WorkerLost, match="raise_signal"):
+                doomed.result(timeout=PATIENCE)
+            assert [future.result(timeout=PATIENCE) for future in [engine.submit(pow, 2, k) for k in range(4)]] == [
+                1,
+                2,
+                4,
+                8,
+            ]
+            with pytest.raises(ZeroDivisionError):
+                engine.submit(operator.truediv, 1, 0).result(timeout=PATIENCE)
+        # leaving the engine leaves the cluster running
+        assert cluster.scheduler_info["workers"]
