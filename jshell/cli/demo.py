@@ -3,7 +3,6 @@
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -89,7 +88,7 @@ def demo(
     )
 
     with step("the camera recording of an attached shell"):
-        recording = io.read_trace(example(RECORDING))
+        recording = io.read_trace(io.example(RECORDING))
         listened = signals.extract(recording, throw=True)
     note(heard_table(listened), as_json)
 
@@ -234,12 +233,6 @@ def trace_fits(trace: Trace, recording: Trace) -> dict[str, calibration.FitResul
         "the snap, modal (only ω−, ω+, τ count)": calibration.fit_trajectories(trace, "modal", channels=("V",)),
         "the recording, modal": calibration.fit_trajectories(recording, "modal"),
     }
-
-
-def example(name: str) -> Path:
-    """A file of `data/examples`, from a checkout or from the installed package."""
-    checkout = Path(__file__).resolve().parents[2] / "data" / "examples" / name
-    return checkout if checkout.exists() else Path(str(resources.files("jshell") / "examples" / name))
 
 
 def picture(path: Path, *parts) -> Path | None:

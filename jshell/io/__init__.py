@@ -1,7 +1,8 @@
 """Files: traces and tables in text, JSON, NetCDF, .mat and .npz, conditions in JSON, every refusal with its place."""
 
+from jshell.io.datasets import example
 from jshell.io.formats import check_suffix
 from jshell.io.headers import read_conditions
 from jshell.io.tables import read_table, read_trace, write_trace
 
-__all__ = ["check_suffix", "read_conditions", "read_table", "read_trace", "write_trace"]
+__all__ = ["check_suffix", "example", "read_conditions", "read_table", "read_trace", "write_trace"]

@@ -43,7 +43,7 @@ _DIFFRAX = {
     "dopri5": diffrax.Dopri5,
     "dopri8": diffrax.Dopri8,
 }
-_ENDED = jnp.array([int(ending) for ending in ENDINGS] + [int(Outcome.NOT_CONVERGED), int(Outcome.OK)])
+_ENDED = np.array([int(ending) for ending in ENDINGS] + [int(Outcome.NOT_CONVERGED), int(Outcome.OK)])
 
 
 class Response(eqx.Module):
@@ -273,7 +273,7 @@ def _run(
         motion, ended = run.motion, run.ended
         accepted = jnp.full(shape, (ts.size - 1) * substeps)
         rejected = jnp.zeros_like(accepted)
-        outcome = _ENDED[jnp.where(run.ending < 0, MAD + 1, run.ending)]
+        outcome = jnp.asarray(_ENDED)[jnp.where(run.ending < 0, MAD + 1, run.ending)]
         told = f"rk4, {substeps} steps a sample"
     else:
         motion, ended, outcome, accepted, rejected = _adaptive(driven, start, ts, solver, step, options, limit)
@@ -335,7 +335,7 @@ def _adaptive(driven: Driven, start: Motion, ts, solver: str, step, options: tup
     hit = jnp.stack([jnp.asarray(mask) for mask in jax.tree.leaves(solution.event_mask)])
     any_hit = jnp.any(hit)
     worked = (solution.result == diffrax.RESULTS.successful) | (solution.result == diffrax.RESULTS.event_occurred)
-    outcome = jnp.where(any_hit, _ENDED[jnp.argmax(hit)], int(Outcome.OK))
+    outcome = jnp.where(any_hit, jnp.asarray(_ENDED)[jnp.argmax(hit)], int(Outcome.OK))
     outcome = jnp.where(worked, outcome, int(Outcome.NOT_CONVERGED))
     ended = jnp.where(any_hit, solution.ts[1][-1], jnp.inf)  # pyright: ignore[reportOptionalSubscript]
     motion = whole(solution.ys[0])  # pyright: ignore[reportOptionalSubscript]

@@ -97,7 +97,7 @@ def design(
     middle = [lo + (hi - lo) * (np.arange(GRID) + 0.5) / GRID for lo, hi in edges]
     grid = np.stack(np.meshgrid(*middle, indexing="ij"), axis=-1).reshape(-1, 2)
     distance = np.asarray(_distances(jnp.asarray(grid), args))
-    starts = grid[np.argsort(np.where(np.isfinite(distance), distance, np.inf))[:STARTS]]
+    starts = grid[_promising(np.where(np.isfinite(distance), distance, np.inf))]
     ends, gaps = (np.asarray(part) for part in _solve(jnp.asarray(starts), jnp.asarray(edges), args))
     inside = np.all((ends >= edges[:, 0]) & (ends <= edges[:, 1]), axis=1)
     gaps = np.where(np.isfinite(gaps) & inside, gaps, np.inf)
@@ -113,6 +113,17 @@ def design(
     best = ends[int(np.argmin(gaps))] if np.isfinite(gaps).any() else starts[0]
     gap = float(gaps.min()) if np.isfinite(gaps).any() else float(np.nanmin(distance))
     return Design(Outcome.OUT_OF_RANGE, (), omega_minus, omega_plus, gap, _plain(_built(jnp.asarray(best), others)))
+
+
+def _promising(distance: np.ndarray) -> np.ndarray:
+    """Indices of `STARTS` grid points: those nearer than all their neighbours first, then the nearest others.
+
+    The nearest alone may all lie in one valley, and a second shell would be missed.
+    """
+    table = np.pad(distance.reshape(GRID, GRID), 1, constant_values=np.inf)
+    around = [(i, j) for i in range(3) for j in range(3) if (i, j) != (1, 1)]
+    lowest = np.min([table[i : i + GRID, j : j + GRID] for i, j in around], axis=0).ravel()
+    return np.lexsort((distance, ~(distance <= lowest) | np.isinf(distance)))[:STARTS]
 
 
 @jax.jit

@@ -149,6 +149,13 @@ def test_designs_recover_twenty_random_shells(seed):
     assert min(gaps) < 1e-6  # where two shells ring alike both are given
 
 
+@pytest.mark.parametrize("excess", [1.0, 1.02, 1.05, 1.1])
+def test_both_shells_of_a_wish_are_found(excess):
+    # the curves ω- = 0.8 and ω+ = 1.6 cross twice at each of these loads; the nearest grid points are all at one
+    found = design(0.8, 1.6, SOURCE, excess=excess)
+    assert sorted(shell.thickness > 0.1 for shell in found.shells) == [False, True]
+
+
 def test_a_design_that_no_shell_meets_says_so():
     found = design(0.1, 50.0, SOURCE)
     assert found.outcome == Outcome.OUT_OF_RANGE
