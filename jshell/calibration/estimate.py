@@ -61,12 +61,13 @@ def starts_of(ending: Ending, natural: np.ndarray, same: np.ndarray) -> tuple[St
         natural: (starts, parameters) where each began.
         same: Which ended in the best minimum.
     """
+    cost, outcome, steps = (np.asarray(x) for x in (ending.cost, ending.outcome, ending.steps))
     return tuple(
         Start(
             tuple(float(x) for x in values),
-            float(ending.cost[i]),
-            Outcome(int(ending.outcome[i])),
-            int(ending.steps[i]),
+            float(cost[i]),
+            Outcome(int(outcome[i])),
+            int(steps[i]),
             bool(same[i]),
         )
         for i, values in enumerate(natural)

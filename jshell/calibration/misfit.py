@@ -12,6 +12,7 @@ import jax
 import numpy as np
 
 from jshell.calibration.joint import Joint, Piece
+from jshell.calibration.lengths import without_data
 from jshell.calibration.losses import strict_coefficients
 from jshell.calibration.noise import Noise
 from jshell.calibration.records import Record, noise_of
@@ -126,7 +127,7 @@ def mode_powers(piece: Piece, linear: list[np.ndarray], design: list[np.ndarray]
         for basis, c in zip(design, linear, strict=True):
             powers += _apart([basis[:, 1:3], basis[:, 3:5]], [c[1:3], c[3:5]], basis[:, :1], times)
         return powers
-    values, vectors = np.linalg.eig(np.asarray(_motion(piece)))
+    values, vectors = np.linalg.eig(np.asarray(_motion(piece._replace(problem=without_data(piece.problem)))))
     turning = np.flatnonzero(np.imag(values) > 0)
     if turning.size < 2:
         return np.full(2, np.inf)  # overdamped: no mode to speak of

@@ -12,6 +12,7 @@ import numpy as np
 
 from jshell.calibration.joint import Joint
 from jshell.calibration.least_squares import value_and_jacobian
+from jshell.calibration.lengths import lengthened, own_rows
 from jshell.calibration.long_records import is_long, look_at_all
 from jshell.calibration.losses import bases, best, targets
 from jshell.calibration.misfit import rows_of
@@ -45,7 +46,7 @@ def solved(values: np.ndarray, joint: Joint, space: Unknowns, linear: list[np.nd
     if is_long(joint.problem) and not any(joint.moved):
         linear, r, J, bases = _by_blocks(values, joint, linear)
     else:
-        linear, r, J, bases = _jacobian(np.asarray(values), linear, joint)
+        linear, r, J, bases = _of_common_length(values, joint, linear)
     linear, r, J, bases = [np.asarray(c) for c in linear], np.asarray(r), np.asarray(J), [np.asarray(b) for b in bases]
     design = np.zeros((r.size, sum(basis.shape[1] for basis in bases)))
     row = column = 0
@@ -71,6 +72,20 @@ def _by_blocks(values: np.ndarray, joint: Joint, given: list[np.ndarray] | None)
         whole[:, list(places)] = J
         linear, left, slopes, plain = [*linear, *c], [*left, r], [*slopes, whole], [*plain, *basis]
     return linear, np.concatenate(left), np.concatenate(slopes), plain
+
+
+def _of_common_length(values: np.ndarray, joint: Joint, given: list[np.ndarray] | None):
+    """As `_jacobian`, by a program that records of other lengths share."""
+    long = eqx.tree_at(
+        lambda j: (j.problem, j.memory), joint, (lengthened(joint.problem), None), is_leaf=lambda x: x is None
+    )
+    linear, r, J, bases = _jacobian(np.asarray(values), given, long)
+    if long.problem is joint.problem:
+        return linear, r, J, bases
+    marks = own_rows(joint.problem)
+    own = np.concatenate(marks)
+    bases = [np.asarray(basis)[mark] for basis, mark in zip(bases, marks, strict=True)]
+    return linear, np.asarray(r)[own], np.asarray(J)[own], bases
 
 
 @eqx.filter_jit

@@ -15,6 +15,7 @@ import numpy as np
 from jshell.calibration.frequency_table import Frequencies
 from jshell.calibration.joint_fit import Asked, fit_jointly
 from jshell.calibration.least_squares import from_many_starts
+from jshell.calibration.lengths import lengthened
 from jshell.calibration.long_records import fit_long, is_long
 from jshell.calibration.losses import LOSSES, Problem, residual
 from jshell.calibration.master_curve import start_from_data
@@ -137,11 +138,12 @@ def fit_trajectories(
         )  # fmt: skip
     else:
         space = unknowns(problem.names, positive, fixed, limits)
-        low, high = jnp.asarray(space.low), jnp.asarray(space.high)
+        low, high, seen = (jnp.asarray(x, dtype=float) for x in (space.low, space.high, space.seen(natural)))
         if is_long(problem):
             ending = fit_long(space, problem, space.seen(natural))
         else:
-            ending = from_many_starts(residual, (space, problem), jnp.asarray(space.seen(natural)), low, high)
+            args = (space, lengthened(problem))
+            ending = from_many_starts(residual, args, seen, low, high)
         result = trace_result(problem, space, ending, natural, cut, absolute, texts, noise=noise)
     given = Specification(
         "trajectories", loss, None, solver, equilibrium, dict(fix or {}), dict(bounds or {}), tie_in_words(tie),

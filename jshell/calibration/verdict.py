@@ -22,6 +22,7 @@ from jshell.calibration.advice import (
 from jshell.calibration.estimate import Estimate, starts_of
 from jshell.calibration.joint import Joint, join
 from jshell.calibration.least_squares import Ending, best_of, value_and_jacobian
+from jshell.calibration.lengths import without_data
 from jshell.calibration.losses import Problem, linear_names, pulsations, targets
 from jshell.calibration.misfit import misfits, silent_directions, snaps
 from jshell.calibration.noise import taken_as_white
@@ -70,7 +71,7 @@ def trace_result(
     found = solved(values, joint, space, None if robust is None else robust.linear)
     noises = examined(joint, found)
     notes = [f"rest states: {', '.join(f'V = {float(one.state.volume):.5g}' for one in problem.records)}"]
-    outcome = Outcome(int(ending.outcome[best]))
+    outcome = Outcome(int(np.asarray(ending.outcome)[best]))
     if noise == "auto" and robust is None and any(one.memory > 0 for one in noises):
         joint, moved = remembering(joint, found, noises, space, free_to_move=outcome == Outcome.OK)
         notes.append(
@@ -207,7 +208,10 @@ def _derived(joint: Joint, values: np.ndarray, slopes: np.ndarray, covariance: n
     for one, places in zip(problem.records, joint.places, strict=True):
         damped = modal or (problem.tied and values[places[3]] > 0)
         told.append(bool(damped and float(one.conditions.viscosity) > 0))
-    value, gradient = _derived_jacobian(values, joint, tuple(told))
+    bare = eqx.tree_at(
+        lambda j: (j.problem, j.memory), joint, (without_data(problem), None), is_leaf=lambda x: x is None
+    )
+    value, gradient = _derived_jacobian(values, bare, tuple(told))
     stderr = propagate(np.asarray(gradient) @ slopes, covariance)
     names = []
     for i in range(len(problem.records)):
