@@ -1,10 +1,11 @@
 # make demo: the main job, end to end.   make test: lint, types, tests.   make slow, make bench: the long ones.
+# make docs: the pages, into out/docs.   make notebooks: all executed, into out/notebooks.   make release: built and tried.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test lint slow bench clean
+.PHONY: demo test lint slow bench docs notebooks release clean
 
 demo: $(STAMP)
 	$(BIN)/jshell demo --out out/demo
@@ -27,6 +28,16 @@ bench: $(STAMP)
 	$(BIN)/python benchmarks/fits.py
 	$(BIN)/python benchmarks/oscillator.py
 	$(BIN)/python benchmarks/reading.py
+	$(BIN)/python benchmarks/service.py
+
+docs: $(STAMP)
+	$(BIN)/python -m sphinx -q -W --keep-going -b html docs out/docs
+
+notebooks: $(STAMP)
+	$(BIN)/python notebooks/execute.py out/notebooks
+
+release: $(STAMP)
+	$(BIN)/python .ci/release.py
 
 $(STAMP): pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)

@@ -8,16 +8,30 @@ from jshell import precision  # noqa: E402
 
 precision.ask_for_double()
 
-from jshell import calibration, comparators, dynamics, io, membrane, oscillator, quantities, sensitivity, shell, signals  # noqa: E402
+from jshell import (  # noqa: E402
+    calibration,
+    campaigns,
+    comparators,
+    dynamics,
+    engines,
+    io,
+    membrane,
+    oscillator,
+    quantities,
+    sensitivity,
+    shell,
+    signals,
+)
 from jshell.calibration import FitResult, load  # noqa: E402
 from jshell.errors import JshellError, NotOk, Outcome, RangeWarning  # noqa: E402
 from jshell.oscillator import Coefficients  # noqa: E402
+from jshell.service.client import Client  # noqa: E402
 from jshell.shell import Gas, Liquid, Load, Reduced, Scales, Shell, presets  # noqa: E402
 from jshell.trace import Trace  # noqa: E402
 
 __version__ = "0.1.0"
 __all__ = [
-    "Coefficients", "FitResult", "Gas", "JshellError", "Liquid", "Load", "NotOk", "Outcome", "RangeWarning", "Reduced",
-    "Scales", "Shell", "Trace", "calibration", "comparators", "dynamics", "io", "load", "membrane", "oscillator",
-    "presets", "quantities", "sensitivity", "shell", "signals",
+    "Client", "Coefficients", "FitResult", "Gas", "JshellError", "Liquid", "Load", "NotOk", "Outcome", "RangeWarning",
+    "Reduced", "Scales", "Shell", "Trace", "calibration", "campaigns", "comparators", "dynamics", "engines", "io",
+    "load", "membrane", "oscillator", "presets", "quantities", "sensitivity", "shell", "signals",
 ]  # fmt: skip

@@ -11,7 +11,6 @@ from functools import lru_cache
 
 import jax
 import numpy as np
-from scipy.stats import qmc
 
 from jshell.campaigns.planned import FIELDS, KINDS, Run
 from jshell.errors import BadName, BadValue
@@ -96,6 +95,8 @@ class Family:
             for values in itertools.product(*self.vary.values()):
                 yield base | dict(zip(self.vary, values, strict=True))
         else:
+            from scipy.stats import qmc  # here: it is slow to load, and few need it
+
             unit = qmc.LatinHypercube(len(self.vary), rng=np.random.default_rng(self.seed)).random(self.samples)
             low, high = (np.array([float(values[k]) for values in self.vary.values()]) for k in (0, 1))
             logs = np.array([name in self.log for name in self.vary])

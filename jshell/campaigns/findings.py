@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.signal import find_peaks
 
 from jshell.dynamics import Modes
 from jshell.errors import Outcome
@@ -131,6 +130,8 @@ class Findings:
 
     def with_record(self, trace: Trace, start: float | None) -> "Findings":
         """With what is heard from a time on (by default after the snap's dip)."""
+        from scipy.signal import find_peaks  # here: it is slow to load, and few need it
+
         together, alone = extract(trace, LISTENED, start=start), extract(trace, "V", start=start)
         times, V, v = (np.asarray(values, dtype=float) for values in (trace.times, trace["V"], trace["v_front"]))
         begin = together.window[0] if start is None else start

@@ -1,0 +1,182 @@
+"""How fast the service answers, and what HTTP costs a batch.
+
+Starts `jshell serve` as a user does, asks it from this process, and prints tables in Markdown. Without arguments all of
+them, else those named:
+
+    .venv/bin/python benchmarks/serving.py clients full batch
+
+`clients`: 32 clients hand in 1 000 different fits while the worker fits them. `full`: the same against a short queue.
+`batch`: 10 000 traces in one upload against `fit_batch` in this process, both warm, in turn.
+"""
+
+import contextlib
+import http.client
+import json
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import numpy as np
+
+from jshell import Client
+from jshell.calibration import Recordings, fit_batch
+from jshell.service import batches, tasks
+
+CLIENTS, FITS = 32, 1_000
+ROWS, TURNS = 10_000, 3
+RECORDING = Path(__file__).parents[1] / "data" / "examples" / "attached_R_HW.csv"
+
+
+@contextlib.contextmanager
+def served(*options: str) -> Iterator[str]:
+    """Address of a fresh service."""
+    with tempfile.TemporaryDirectory() as folder:
+        log = Path(folder) / "log"
+        command = [
+            sys.executable,
+            "-m",
+            "jshell",
+            "serve",
+            "--port",
+            "0",
+            "--db",
+            f"sqlite:///{folder}/jobs.db",
+            *options,
+        ]
+        with log.open("wb") as out:
+            process = subprocess.Popen(
+                command, stdout=out, stderr=subprocess.STDOUT, env=os.environ | {"JSHELL_TOKEN": ""}
+            )
+        try:
+            until = time.monotonic() + 120
+            while (found := re.search(r"http://\S+", log.read_text())) is None:
+                if process.poll() is not None or time.monotonic() > until:
+                    raise RuntimeError(log.read_text())
+                time.sleep(0.1)
+            with Client(found[0]) as client:
+                while not client.healthy():
+                    time.sleep(0.1)
+            yield found[0]
+        finally:
+            process.terminate()
+            process.wait(30)
+
+
+def handed_in(address: str, trace: str) -> tuple[Counter, np.ndarray, float]:
+    """Statuses and times of all submits, and the wall time they took together."""
+    where, numbers, turn = urlsplit(address), iter(range(FITS)), threading.Lock()
+    statuses: Counter = Counter()
+    spent: list[float] = []
+
+    def ask() -> None:
+        line = http.client.HTTPConnection(where.hostname or "", where.port, timeout=60)
+        while True:
+            with turn:
+                number = next(numbers, None)
+            if number is None:
+                return
+            body = json.dumps({"traces": [trace], "seed": number, "fix": {"alpha2": 1.1}})
+            begun = time.perf_counter()
+            line.request("POST", "/api/v1/fits", body, {"Content-Type": "application/json"})
+            answer = line.getresponse()
+            answer.read()
+            took = time.perf_counter() - begun
+            with turn:
+                statuses[answer.status] += 1
+                spent.append(took)
+
+    begun = time.perf_counter()
+    threads = [threading.Thread(target=ask) for _ in range(CLIENTS)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    return statuses, 1e3 * np.array(spent), time.perf_counter() - begun
+
+
+def said(statuses: Counter) -> str:
+    return ", ".join(f"{count} × {status}" for status, count in sorted(statuses.items()))
+
+
+def clients() -> None:
+    """32 clients, 1 000 fits."""
+    with served("--queue", "2000", "--workers", "1") as address, Client(address) as client:
+        trace = client.upload(RECORDING)
+        client.submit(trace, fix={"alpha2": 1.1}, seed=10**6).result(300)  # compiled
+        statuses, spent, whole = handed_in(address, trace)
+        begun = time.perf_counter()
+        while sum(1 for _ in client.jobs(state="done")) < FITS + 1:
+            time.sleep(1.0)
+            if time.perf_counter() - begun > 1800:
+                raise RuntimeError("not all fits ended")
+        fitted = FITS / (whole + time.perf_counter() - begun)
+    print(f"\n### {CLIENTS} clients, {FITS} fits, one worker process\n")
+    print("| answers | submits/s | median [ms] | p95 [ms] | worst [ms] | fits/s |\n|---|---|---|---|---|---|")
+    p = np.quantile(spent, [0.5, 0.95, 1.0])
+    print(
+        f"| {said(statuses)} | {FITS / whole:.0f} | {p[0]:.0f} | {p[1]:.0f} | {p[2]:.0f} | {fitted:.1f} |", flush=True
+    )
+
+
+def full() -> None:
+    """The same against a queue of 100."""
+    with served("--queue", "100", "--cold") as address, Client(address) as client:
+        statuses, spent, _ = handed_in(address, client.upload(RECORDING))
+    print(f"\n### a queue of 100, {CLIENTS} clients, {FITS} fits\n")
+    print(f"| answers | p95 [ms] |\n|---|---|\n| {said(statuses)} | {np.quantile(spent, 0.95):.0f} |", flush=True)
+
+
+def batch() -> None:
+    """10 000 traces of 400 samples in one upload."""
+    from fits import recordings
+
+    records, _ = recordings(ROWS, 0.01)
+    first = Recordings(records.times, records.values[:1024], _some(records.conditions, 1024))
+    fit_batch(first)
+    packed, rows = batches.pack(records), []
+    with served("--workers", "1") as address, Client(address, timeout=600) as client:
+        client.fit_batch(first, seconds=600)
+        for turn in range(TURNS):
+            begun = time.perf_counter()
+            here = fit_batch(records, seed=turn)
+            fitted = time.perf_counter()
+            tasks.run("batch", {"seed": turn}, [("batch.npz", packed)])
+            done = time.perf_counter()
+            there = client.fit_batch(records, seed=turn, seconds=1800)
+            rows.append((fitted - begun, done - fitted, time.perf_counter() - done))
+            same = np.array_equal(here.values, there.values, equal_nan=True)
+    best = np.min(rows, axis=0)
+    print(f"\n### one batch of {ROWS} traces of 400 samples, {records.values.nbytes / 2**20:.0f} MiB\n")
+    print("| | best of 3 [s] | traces/s |\n|---|---|---|")
+    names = (
+        "fit_batch, arrays in memory",
+        "the same, from a file to a file and a table",
+        "Client.fit_batch through HTTP",
+    )
+    for name, spent in zip(names, best, strict=True):
+        print(f"| {name} | {spent:.2f} | {ROWS / spent:.0f} |")
+    arrays, files = best[0] / best[2], best[1] / best[2]
+    print(f"\nthroughput through HTTP over the library's: {arrays:.2f} of arrays, {files:.2f} of files;")
+    print(f"the same numbers to the bit: {same}", flush=True)
+
+
+def _some(conditions, count: int):
+    fields = ("thickness", "gas_pressure", "outer_pressure", "viscosity", "kappa", "poisson_ratio")
+    return type(conditions)(*(np.asarray(getattr(conditions, name))[:count] for name in fields))
+
+
+def main() -> None:
+    for name in sys.argv[1:] or ("clients", "full", "batch"):
+        {"clients": clients, "full": full, "batch": batch}[name]()
+
+
+if __name__ == "__main__":
+    main()

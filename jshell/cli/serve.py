@@ -1,0 +1,51 @@
+"""`jshell serve`: fits as a service, for this machine or a group."""
+
+import importlib
+import os
+from typing import Annotated
+
+import typer
+
+from jshell.cli.output import log, speaking
+
+TOKEN = "JSHELL_TOKEN"
+
+
+@speaking
+def serve(
+    host: Annotated[
+        str, typer.Option(help="Address to listen at; any but this machine's own needs a token.")
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option(help="Port; 0 picks one.")] = 8765,
+    db: Annotated[
+        str, typer.Option(help="sqlite:///FILE, or postgresql+psycopg://USER@HOST/NAME.")
+    ] = "sqlite:///jshell.db",
+    engine: Annotated[
+        str, typer.Option(help="processes, inline, or tcp://HOST:PORT of a Dask scheduler.")
+    ] = "processes",
+    workers: Annotated[int, typer.Option(help="Jobs that run at the same time.")] = 1,
+    queue: Annotated[int, typer.Option(help="Jobs that may wait; more are told to come back.")] = 1000,
+    seconds: Annotated[float, typer.Option(help="Longest time of one job.")] = 600.0,
+    memory: Annotated[float, typer.Option(help="Largest memory of one job [GiB].")] = 4.0,
+    upload: Annotated[float, typer.Option(help="Largest upload [MiB].")] = 256.0,
+    cache: Annotated[str | None, typer.Option(help="Folder of compiled programs, kept between runs.")] = None,
+    allow_host: Annotated[
+        list[str] | None, typer.Option("--allow-host", help="Name by which browsers call it; may be repeated.")
+    ] = None,
+    warm: Annotated[bool, typer.Option("--warm/--cold", help="Compile the usual fit before the first job.")] = True,
+) -> None:
+    """Serve fits over HTTP: a page for people, an API for programs.
+
+    For other machines set the environment's JSHELL_TOKEN to a long random text, and name the host: --allow-host.
+    """
+    settings = importlib.import_module("jshell.service.settings")
+    server = importlib.import_module("jshell.service.server")
+    token = os.environ.get(TOKEN) or None
+    names = tuple(
+        dict.fromkeys((*settings.LOCAL, *((host,) if host not in ("0.0.0.0", "::") else ()), *(allow_host or ())))
+    )
+    chosen = settings.Settings(
+        db=db, engine=engine, workers=workers, queue=queue, seconds=seconds, memory=int(memory * 2**30),
+        upload=int(upload * 2**20), cache=cache, warm=warm, host=host, port=port, token=token, allowed_hosts=names,
+    )  # fmt: skip
+    server.serve(chosen, lambda address: log(f"jshell serves at {address} (Ctrl+C stops it)"))

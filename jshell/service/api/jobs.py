@@ -1,0 +1,160 @@
+"""Fits, batches and simulations: handed in, looked at, called off, their results."""
+
+from enum import Enum
+from typing import Annotated, Any, no_type_check
+
+from fastapi import APIRouter, File, Form, Header, Query, Response, UploadFile
+from fastapi.responses import JSONResponse
+from pydantic import ValidationError
+
+from jshell.errors import BadValue
+from jshell.service.api.answers import ONCE, Before, Limit, Name, binary, told
+from jshell.service.jobs import (
+    FILES,
+    MEDIA,
+    PLURAL,
+    address,
+    file_name,
+    file_of,
+    fit_shown,
+    fit_specification,
+    of_kind,
+    packed,
+    shown,
+)
+from jshell.service.problems import listed, of_validation
+from jshell.service.reading import ROOM
+from jshell.service.safety import attachment, clean_name
+from jshell.service.schemas import BatchOptions, FitOut, FitRequest, JobOut, JobPage, Key, State
+from jshell.service.state import Here
+from jshell.service.store import JobRow, Submission
+
+router = APIRouter()
+IdempotencyKey = Annotated[
+    Key | None,
+    Header(alias="Idempotency-Key", description="Your own name for this request: sent again, it is the same job."),
+]
+ACCEPTED = told(404, 409, 429, made=(200, 202))
+_WORDS = {200: "The same job was accepted before.", 202: "Accepted: the job is on the disk."}
+for _status, _text in _WORDS.items():
+    ACCEPTED[_status] |= {"description": _text, "model": JobOut}
+
+
+def accepted(submission: Submission) -> JSONResponse:
+    """202 for a job made just now, 200 for one that was there."""
+    job = submission.job
+    return JSONResponse(shown(job), 202 if submission.created else 200, headers={"Location": address(job)})
+
+
+@router.post("/fits", tags=["fits"], status_code=202, responses=ACCEPTED, summary="Fit traces")
+def fit(here: Here, asked: FitRequest, key: IdempotencyKey = None) -> Response:
+    """Fit traces that share their constants. The same data and options are the same job."""
+    _not_too_many(len(asked.traces), here.settings.traces)
+    return accepted(here.store.submit("fit", fit_specification(asked), asked.traces, key))
+
+
+@router.post(
+    "/batches",
+    tags=["batches"],
+    status_code=202,
+    responses=ACCEPTED,
+    summary="Fit thousands of traces",
+    dependencies=[ONCE],
+)
+@no_type_check  # FastAPI hands in Starlette's UploadFile where its own is announced
+def batch(
+    here: Here,
+    files: Annotated[
+        list[UploadFile],
+        File(
+            min_length=1,
+            description="One .npz of arrays (`jshell.service.batches.pack`), one .zip of trace files, or traces.",
+        ),
+    ],
+    options: Annotated[
+        str, Form(description='Options of `jshell.calibration.fit_batch` as JSON, e.g. {"equilibrium": "trace"}.')
+    ] = "{}",
+    key: IdempotencyKey = None,
+) -> Response:
+    """Fit each of many traces by itself; a trace that fails costs no other."""
+    try:
+        chosen = BatchOptions.model_validate_json(options)
+    except ValidationError as error:
+        found = of_validation(error.errors())
+        where = ", ".join(one["place"] for one in listed(error.errors())) or "JSON"
+        raise BadValue(f"options, {where}", found=found.found, expected=found.expected, remedy=found.remedy) from None
+    with ROOM:
+        uploads = [(clean_name(file.filename), file.file.read()) for file in files]
+        _not_too_many(sum(packed(name, content) for name, content in uploads), here.settings.traces)
+        rows = [here.store.add_trace(name, content) for name, content in uploads]
+    specification = chosen.model_dump(mode="json", exclude_defaults=True)
+    return accepted(here.store.submit("batch", specification, [row.id for row in rows], key))
+
+
+def _index(here: Here, kind: str, limit: int, before: str | None, state: str | None) -> dict[str, Any]:
+    rows = here.store.jobs(state, limit, before, kind)
+    wanted = "" if state is None else f"&state={state}"
+    more = f"/api/v1/{PLURAL[kind]}?limit={limit}&before={rows[-1].id}{wanted}" if len(rows) == limit else None
+    return {"jobs": [shown(row) for row in rows], "next": more}
+
+
+def _file(here: Here, job: JobRow, suffix: str) -> Response:
+    given = {"Content-Disposition": attachment(file_name(here.store, job, suffix))}
+    return Response(file_of(here.store, job, suffix), headers=given, media_type=MEDIA[suffix])
+
+
+def _routes(kind: str, words: str, out: type[JobOut]) -> None:
+    """The routes that every kind of job has: list, look, call off, results."""
+    plural = PLURAL[kind]
+    tags: list[str | Enum] = [plural]
+
+    @router.get(f"/{plural}", response_model=JobPage, responses=told(404), summary=f"List the {plural}", tags=tags)
+    def index(
+        here: Here, limit: Limit = 50, before: Before = None, state: Annotated[State | None, Query()] = None
+    ) -> dict[str, Any]:
+        """The latest first."""
+        return _index(here, kind, limit, before, state)
+
+    for suffix in FILES[kind]:
+        _download(kind, suffix, words)
+
+    @router.get(
+        f"/{plural}/{{id:key}}", response_model=out, responses=told(404), summary=f"Look at a {words}", tags=tags
+    )
+    def one(here: Here, id: Name) -> dict[str, Any]:
+        """State, progress, error, and what came out."""
+        job = of_kind(here.store, id, kind)
+        return fit_shown(here.store, job) if kind == "fit" else shown(job)
+
+    @router.delete(
+        f"/{plural}/{{id:key}}", response_model=JobOut, responses=told(404), summary=f"Cancel a {words}", tags=tags
+    )
+    def cancel(here: Here, id: Name) -> dict[str, Any]:
+        """Give it up where it still waits or runs; one that is over stays as it is. Its line in the list stays."""
+        of_kind(here.store, id, kind)
+        return shown(here.store.cancel(id))
+
+
+def _download(kind: str, suffix: str, words: str) -> None:
+    media = MEDIA[suffix].partition(";")[0]
+
+    @router.get(
+        f"/{PLURAL[kind]}/{{id:key}}.{suffix}",
+        tags=[PLURAL[kind]],
+        response_class=Response,
+        responses=told(404, 409, more=binary(media, f"The {words} as a file.")),
+        summary=f"The {words} as .{suffix}",
+    )
+    def download(here: Here, id: Name) -> Response:
+        """Its result as a file."""
+        return _file(here, of_kind(here.store, id, kind), suffix)
+
+
+_routes("fit", "fit", FitOut)
+_routes("batch", "batch", JobOut)
+_routes("simulate", "simulation", JobOut)
+
+
+def _not_too_many(found: int, most: int) -> None:
+    if found > most:
+        raise BadValue("traces", found=f"{found}", expected=f"at most {most}", remedy="Hand them in as several jobs.")

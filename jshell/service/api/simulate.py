@@ -1,0 +1,69 @@
+"""The short model at once; the simulator as a job."""
+
+from typing import Any
+
+import numpy as np
+from fastapi import APIRouter, Response
+from fastapi.responses import JSONResponse
+
+from jshell.oscillator import SOURCE, Coefficients
+from jshell.service import reduced
+from jshell.service.api.answers import told
+from jshell.service.api.jobs import IdempotencyKey, accepted
+from jshell.service.jobs import simulator_specification
+from jshell.service.schemas import Conditions, JobOut, SimulateOut, SimulateRequest, finite
+from jshell.service.state import Here
+from jshell.shell.parameters import Reduced
+
+router = APIRouter(tags=["simulations"])
+ANSWERS = told(409, 429, made=(202,))
+ANSWERS[200] = {"model": SimulateOut, "description": "What the short model says."}
+ANSWERS[202] |= {"model": JobOut, "description": "Accepted: the simulator runs as a job."}
+
+
+@router.post("/simulate", response_model=SimulateOut, responses=ANSWERS, summary="Simulate a shell")
+def simulate(here: Here, asked: SimulateRequest, key: IdempotencyKey = None) -> Response:
+    """Frequencies, softening and a trace of the short model at once; with `model: simulator` a job."""
+    if asked.model == "simulator":
+        submission = here.store.submit("simulate", simulator_specification(asked), [], key)
+        response = accepted(submission)
+        response.status_code = 202
+        return response
+    return JSONResponse(answered(asked))
+
+
+def constants(asked: SimulateRequest) -> Coefficients:
+    """The constants asked for; the source's where none are."""
+    pick = lambda name: float(getattr(SOURCE, name)) if getattr(asked, name) is None else getattr(asked, name)  # noqa: E731
+    return Coefficients(pick("alpha1"), pick("alpha2"), pick("k_vs"), pick("beta1"))
+
+
+def conditions(asked: Conditions) -> Reduced:
+    """The shell asked for."""
+    return Reduced(asked.d_hat, asked.P0_hat, asked.Pext_hat, asked.eta_hat, asked.kappa, asked.nu)
+
+
+def answered(asked: SimulateRequest) -> dict[str, Any]:
+    """Fields of `SimulateOut`."""
+    c = constants(asked)
+    found = reduced.answer(conditions(asked), c, asked.duration)
+    listed = lambda values: finite(np.asarray(values, dtype=float).tolist())  # noqa: E731
+    slow, fast, sphere, bubble = listed(found.omega)
+    load, *drops = listed(found.softening)
+    names = ("sphere", "omega_minus", "omega_plus", "marmottant")
+    return {
+        "outcome": found.outcome.word,
+        "advice": found.outcome.advice,
+        "omega_minus": slow,
+        "omega_plus": fast,
+        "omega_sphere": sphere,
+        "omega_marmottant": bubble,
+        "tau": finite(found.tau),
+        "volume": listed(found.rest)[0],
+        "pressure": listed(found.rest)[1],
+        "softening": {"load": load, "slow": drops[0], "fast": drops[1], "marmottant": drops[2]},
+        "crossing": {"P_ext": listed(found.loads), **dict(zip(names, map(listed, found.crossing), strict=True))},
+        "trace": {"t": listed(found.times), "V": listed(found.motion[0]), "S": listed(found.motion[1])},
+        "conditions": {name: getattr(asked, name) for name in Conditions.model_fields},
+        "coefficients": {name: float(getattr(c, name)) for name in ("alpha1", "alpha2", "k_vs", "beta1")},
+    }

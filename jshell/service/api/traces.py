@@ -1,0 +1,132 @@
+"""Traces: uploaded, listed, looked into, given back."""
+
+import json
+from typing import Annotated, Any, no_type_check
+
+import numpy as np
+from fastapi import APIRouter, File, Form, Response, UploadFile
+from fastapi.responses import JSONResponse
+from pydantic import TypeAdapter, ValidationError
+
+from jshell.errors import BadValue, JshellError
+from jshell.service.api.answers import ONCE, Before, Limit, Name, binary, told
+from jshell.service.problems import brief, problem
+from jshell.service.reading import ROOM, Look, conditions_of, look, looked, with_conditions
+from jshell.service.safety import attachment, clean_name
+from jshell.service.schemas import TraceOut, TracePage, TraceRead
+from jshell.service.state import Here
+from jshell.service.uploads import TraceRow
+
+router = APIRouter(prefix="/traces", tags=["traces"])
+_numbers = TypeAdapter(dict[str, float])
+
+
+@router.post(
+    "",
+    status_code=201,
+    response_model=TraceRead,
+    responses=told(made=(201,)),
+    summary="Upload a trace",
+    dependencies=[ONCE],
+)
+@no_type_check  # FastAPI hands in Starlette's UploadFile where its own is announced
+def upload(
+    here: Here,
+    file: Annotated[UploadFile, File(description="Columns t, and V, S, H, W, …: CSV, JSON, NetCDF, .mat or .npz.")],
+    conditions: Annotated[
+        str | None, Form(description='Conditions of a file without them, as JSON: {"d_hat": 0.22, …} or {"R0_m": …}.')
+    ] = None,
+) -> Response:
+    """Read and keep a trace; the same bytes are kept once."""
+    with ROOM:
+        name, content = clean_name(file.filename), file.file.read()
+        if conditions:
+            name, content = with_conditions(name, content, numbers(conditions))
+        found = look(name, content)
+        row = here.store.add_trace(name, content)
+    return JSONResponse(read_out(row, found), 201, headers={"Location": f"/api/v1/traces/{row.id}"})
+
+
+@router.get("", response_model=TracePage, responses=told(404), summary="List the traces")
+def index(here: Here, limit: Limit = 50, before: Before = None) -> dict[str, Any]:
+    """Traces, the latest first."""
+    rows = here.store.traces(limit, before)
+    more = f"/api/v1/traces?limit={limit}&before={rows[-1].id}" if len(rows) == limit else None
+    return {"traces": [row_out(row) for row in rows], "next": more}
+
+
+@router.get(
+    "/{id:key}/content",
+    response_class=Response,
+    responses=told(404, more=binary("application/octet-stream", "The file.")),
+    summary="The file of a trace",
+)
+def content(here: Here, id: Name) -> Response:
+    """The bytes that a fit reads."""
+    row = here.store.trace(id)
+    given = {"Content-Disposition": attachment(row.name)}
+    return Response(here.store.trace_content(id), headers=given, media_type="application/octet-stream")
+
+
+@router.get("/{id:key}", response_model=TraceRead, responses=told(404), summary="Look into a trace")
+def one(here: Here, id: Name) -> dict[str, Any]:
+    """What was read in a trace: channels, units, conditions."""
+    row = here.store.trace(id)
+    try:
+        found = looked(here.store, id)[1]
+    except JshellError as error:
+        return unread(row, error)
+    return read_out(row, found)
+
+
+def numbers(text: str) -> dict[str, float]:
+    """Conditions given as JSON.
+
+    Raises:
+        BadValue: Not an object of numbers.
+    """
+    try:
+        found = _numbers.validate_python(json.loads(text))
+        if not all(np.isfinite(list(found.values()))):
+            raise ValueError("a number that is not finite")
+    except (ValueError, RecursionError, ValidationError) as error:
+        words = "no JSON object of numbers" if isinstance(error, ValidationError) else str(error)
+        raise BadValue(
+            "conditions", found=f"{brief(text)} ({brief(words)})", expected='{"d_hat": 0.22, …}',
+            remedy="Write names and numbers.",
+        ) from None  # fmt: skip
+    return found
+
+
+def row_out(row: TraceRow) -> dict[str, Any]:
+    """Fields of `TraceOut`."""
+    return {name: getattr(row, name) for name in TraceOut.model_fields}
+
+
+def read_out(row: TraceRow, found: Look) -> dict[str, Any]:
+    """Fields of `TraceRead`."""
+    trace = found.trace
+    times = np.asarray(trace.times, dtype=float)
+    scales = trace.scales
+    return row_out(row) | {
+        "samples": int(times.size),
+        "duration": float(times[-1] - times[0]),
+        "channels": list(trace.channels),
+        "sigma": list(trace.sigma),
+        "units": dict(found.units),
+        "conditions": conditions_of(trace.conditions),
+        "scales": None
+        if scales is None
+        else {"length": scales.length, "pressure": scales.pressure, "density": scales.density},
+        "loss": found.loss,
+        "warnings": list(found.warnings),
+        "error": None,
+    }
+
+
+def unread(row: TraceRow, error: JshellError) -> dict[str, Any]:
+    """Fields of `TraceRead` of a file that cannot be read by itself."""
+    told = problem(error, "")
+    blank = dict.fromkeys(("samples", "duration", "conditions", "scales", "loss"))
+    words = {name: told[name] for name in ("code", "place", "cause", "remedy")}
+    return row_out(row) | blank | {"channels": [], "sigma": [], "units": {}, "warnings": [], "error": words}

@@ -1,0 +1,96 @@
+"""The service put together: gate, API, page, and the worker beside them."""
+
+import contextlib
+import threading
+from collections.abc import AsyncIterator
+from typing import Any
+
+from fastapi import FastAPI
+from fastapi.openapi.utils import get_openapi
+from starlette.requests import Request
+
+import jshell
+from jshell.errors import JshellError
+from jshell.oscillator import SOURCE
+from jshell.service import reduced, safety
+from jshell.service.api import health, jobs, simulate, traces
+from jshell.service.problems import KINDS, answer, tell_in_problems
+from jshell.service.schemas import ProblemOut
+from jshell.service.settings import Settings
+from jshell.service.state import Counted, Metrics, Service
+from jshell.service.store import Store
+from jshell.service.web import pages
+from jshell.service.worker import Worker
+from jshell.shell.presets import R
+
+DRAIN = 7.0  # seconds that running jobs have when the service is told to stop; requests under way had two before
+API = "/api/v1"
+
+
+def create_app(settings: Settings, store: Store, worker: Worker | None = None) -> FastAPI:
+    """The service as an ASGI application.
+
+    Args:
+        settings: What its keeper chose.
+        store: Where traces and jobs are; closed by whoever opened it.
+        worker: Started and stopped with the application; None leaves jobs waiting for another process.
+    """
+
+    @contextlib.asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        if worker is not None:
+            worker.start()
+        if settings.warm:
+            threading.Thread(target=_warm, name="warm", daemon=True).start()
+        try:
+            yield
+        finally:
+            if worker is not None:
+                worker.stop(DRAIN)
+
+    app = FastAPI(
+        title="jshell", version=jshell.__version__, lifespan=lifespan, docs_url=None, redoc_url=None,
+        openapi_url="/openapi.json", redirect_slashes=False,
+        summary="Fits of the short model of buckling shells, as jobs.",
+    )  # fmt: skip
+    service = Service(settings, store, Metrics())
+    app.state.service = service
+    for router in (traces.router, jobs.router, simulate.router):
+        app.include_router(router, prefix=API)
+    app.include_router(health.router)
+    pages.mount(app)
+    tell_in_problems(app, pages.sorry)
+    app.add_middleware(safety.Gate, settings=settings, refuse=_refuse)
+    app.add_middleware(Counted, metrics=service.metrics)
+    app.openapi = lambda: _described(app)  # pyright: ignore[reportAttributeAccessIssue]
+    return app
+
+
+def _refuse(scope: Any, error: JshellError) -> Any:
+    path = scope["path"]
+    if path.startswith((API, "/healthz", "/metrics", "/openapi.json")):
+        return answer(error, path)
+    return pages.sorry(Request(scope), error, KINDS[error.code])
+
+
+def _warm() -> None:
+    """Compile what the page of the short model needs before somebody waits for it."""
+    reduced.answer(R.conditions, SOURCE)
+
+
+def _described(app: FastAPI) -> dict[str, Any]:
+    """The description of the API: problems and the token included, the page's own routes left out."""
+    if app.openapi_schema is None:
+        found = get_openapi(title=app.title, version=app.version, summary=app.summary, routes=app.routes)
+        parts = found.setdefault("components", {})
+        parts.setdefault("schemas", {})["ProblemOut"] = ProblemOut.model_json_schema(
+            ref_template="#/components/schemas/{model}"
+        )
+        if app.state.service.settings.token:
+            parts["securitySchemes"] = {"token": {"type": "http", "scheme": "bearer"}}
+            for path, operations in found["paths"].items():
+                if path != "/healthz":
+                    for operation in operations.values():
+                        operation["security"] = [{"token": []}]
+        app.openapi_schema = found
+    return app.openapi_schema

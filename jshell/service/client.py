@@ -1,0 +1,373 @@
+"""The service from a program: the library's objects in, the library's objects out.
+
+A request that was lost on the way is sent again under the same
+Idempotency-Key, so that it is one job; a full queue is waited for.
+"""
+
+import json
+import math
+import os
+import tempfile
+import time
+import uuid
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import jshell.errors
+from jshell import io
+from jshell.calibration import BatchResult, FitResult, Recordings, load
+from jshell.calibration.recordings import gathered
+from jshell.errors import BadValue, JshellError, MissingExtra, NotOk
+from jshell.service import batches
+from jshell.shell import Reduced
+from jshell.trace import CONDITION_FIELDS, Trace
+
+if TYPE_CHECKING:
+    import httpx
+
+LOCAL = "http://127.0.0.1:8765"
+PLURAL = {"fit": "fits", "batch": "batches", "simulate": "simulations"}
+OVER = ("done", "failed", "cancelled")
+AGAIN = (429, 503)  # worth another try
+Data = str | Path | Trace
+
+
+class Unreachable(JshellError, OSError):
+    """No service answers at the address."""
+
+    code = "unreachable"
+
+
+@dataclass(frozen=True)
+class Job:
+    """A job as it stood when it was last looked at.
+
+    Attributes:
+        client: Where it is.
+        id: Its name.
+        kind: `fit`, `batch` or `simulate`.
+        state: `queued`, `running`, `done`, `failed` or `cancelled`.
+        progress: Part that is done, 0 to 1.
+        specification: What was asked.
+        error: Why it failed, in the library's words.
+    """
+
+    client: "Client"
+    id: str
+    kind: str
+    state: str
+    progress: float
+    specification: Mapping[str, Any]
+    error: JshellError | None = None
+
+    @property
+    def over(self) -> bool:
+        """Whether nothing will change any more."""
+        return self.state in OVER
+
+    def now(self) -> "Job":
+        """The job as it stands now."""
+        return self.client.job(self.id, self.kind)
+
+    def wait(self, seconds: float | int = 600.0) -> "Job":
+        """The job once it is over; as it stands after `seconds` where it is not."""
+        begun, job = time.monotonic(), self
+        while not job.over and (spent := time.monotonic() - begun) < seconds:
+            time.sleep(min(max(0.02, 0.1 * spent), 1.0, seconds - spent))  # a tenth late at most
+            job = job.now()
+        return job
+
+    def cancel(self) -> "Job":
+        """Call it off."""
+        return self.client.cancel(self)
+
+    def result(self, seconds: float | int = 600.0) -> Any:
+        """What it found, waiting for it: a `FitResult`, a `BatchResult` or a `Trace`.
+
+        Raises:
+            JshellError: The error with which it failed.
+            BadValue: It was cancelled, or is not over after `seconds`.
+        """
+        job = self.wait(seconds)
+        if job.error is not None:
+            raise job.error
+        if job.state != "done":
+            raise BadValue(
+                f"job {self.id}",
+                found=f"state {job.state}",
+                expected="done",
+                remedy="Wait longer, or hand it in again.",
+            )
+        return self.client.result(job)
+
+
+class Client:
+    """A running service.
+
+    Args:
+        url: Its address, as `jshell serve` prints it.
+        token: Where the service asks for one; by default the environment's JSHELL_TOKEN.
+        timeout: Longest time for one answer [s].
+        patience: Time for which lost requests and a full queue are tried again [s].
+
+    Raises:
+        MissingExtra: The extra `service` is not installed.
+
+    Example:
+        >>> from jshell import Client
+        >>> with Client("http://127.0.0.1:8765") as service:  # doctest: +SKIP
+        ...     print(service.fit("recording.csv", fix={"alpha2": 1.1}))
+    """
+
+    def __init__(
+        self, url: str = LOCAL, *, token: str | None = None, timeout: float | int = 60.0, patience: float | int = 60.0
+    ) -> None:
+        try:
+            import httpx
+        except ImportError:
+            raise MissingExtra(
+                "jshell.Client", found="no httpx", expected="the extra `service`",
+                remedy="Install it: pip install 'jshell[service]'.",
+            ) from None  # fmt: skip
+        token = os.environ.get("JSHELL_TOKEN") if token is None else token
+        headers = {"Authorization": f"Bearer {token}"} if token else {}
+        self.url, self.patience = url.rstrip("/"), patience
+        try:
+            self._http = httpx.Client(base_url=self.url, headers=headers, timeout=timeout, trust_env=False)
+        except (httpx.InvalidURL, TypeError) as error:
+            raise BadValue(
+                "url", found=f"{url!r} ({error})", expected=LOCAL, remedy="Write http://HOST:PORT."
+            ) from None
+
+    def __enter__(self) -> "Client":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the connections."""
+        self._http.close()
+
+    def fit(self, traces: Data | Sequence[Data], *, seconds: float | int = 600.0, **options: Any) -> FitResult:
+        """Fit traces as `jshell.calibration.fit_trajectories` does, there.
+
+        Args:
+            traces: Files, traces, or identifiers that `upload` gave.
+            seconds: Longest time to wait.
+            **options: Those of `fit_trajectories`, in plain values; `profile=True` asks for profiles as well.
+
+        Raises:
+            JshellError: What the service or the fit refuses, as the library itself would raise it.
+        """
+        return self.submit(traces, **options).result(seconds)
+
+    def submit(self, traces: Data | Sequence[Data], *, key: str | None = None, **options: Any) -> Job:
+        """Hand a fit in and return at once: when this returns, the job is on the service's disk.
+
+        Args:
+            traces: As in `fit`.
+            key: Your own name for this request; sent again, it is the same job.
+            **options: As in `fit`.
+        """
+        listed = [traces] if isinstance(traces, str | Path | Trace) else list(traces)
+        ids = [one if _is_id(one) else self.upload(one) for one in listed]
+        return self._job(self._send("POST", "/fits", json=_plain(options) | {"traces": ids}, key=key).json())
+
+    def fit_batch(
+        self, traces: Recordings | Sequence[Trace] | str | Path, *, seconds: float | int = 3600.0, **options: Any
+    ) -> BatchResult:
+        """Fit each of many traces by itself as `jshell.calibration.fit_batch` does, there."""
+        return self.submit_batch(traces, **options).result(seconds)
+
+    def submit_batch(
+        self, traces: Recordings | Sequence[Trace] | str | Path, *, key: str | None = None, **options: Any
+    ) -> Job:
+        """Hand a batch in and return at once.
+
+        Args:
+            traces: Arrays, traces, or a file: `.npz` of arrays, `.zip` of trace files.
+            key: Your own name for this request.
+            **options: Those of `fit_batch`, in plain values.
+        """
+        if isinstance(traces, str | Path):
+            file = (Path(traces).name, _bytes(Path(traces)))
+        else:
+            file = ("batch.npz", batches.pack(traces if isinstance(traces, Recordings) else gathered(list(traces))))
+        given = {"files": {"files": file}, "data": {"options": json.dumps(_plain(options))}}
+        return self._job(self._send("POST", "/batches", key=key, **given).json())
+
+    def simulate(self, conditions: Reduced, *, seconds: float | int = 600.0, **options: Any) -> Trace:
+        """A run of the simulator, there.
+
+        Args:
+            conditions: The shell and its load.
+            seconds: Longest time to wait.
+            **options: `duration`, `ramp`, `elements`.
+        """
+        asked = {key: float(getattr(conditions, field)) for key, field in CONDITION_FIELDS.items()}
+        sent = self._send("POST", "/simulate", json=asked | {"model": "simulator"} | _plain(options))
+        return self._job(sent.json()).result(seconds)
+
+    def upload(self, trace: Data, conditions: Mapping[str, float] | None = None) -> str:
+        """Hand a trace in; the same bytes are kept once.
+
+        Args:
+            trace: A file as it is, or a trace.
+            conditions: For a file without: keys of a header to numbers.
+
+        Returns:
+            Its identifier.
+        """
+        if isinstance(trace, Trace):
+            name, content = _written(trace)
+        else:
+            name, content = Path(trace).name, _bytes(Path(trace))
+        data = {} if conditions is None else {"conditions": json.dumps(dict(conditions))}
+        return self._send("POST", "/traces", files={"file": (name, content)}, data=data).json()["id"]
+
+    def job(self, id: str, kind: str = "fit") -> Job:
+        """A job as it stands.
+
+        Raises:
+            NotFound: No such job.
+        """
+        return self._job(self._send("GET", f"/{PLURAL[kind]}/{id}").json())
+
+    def jobs(self, kind: str = "fit", state: str | None = None) -> Iterator[Job]:
+        """All jobs of a kind, the latest first."""
+        address: str | None = f"/{PLURAL[kind]}?limit=200" + ("" if state is None else f"&state={state}")
+        while address is not None:
+            page = self._send("GET", address).json()
+            yield from map(self._job, page["jobs"])
+            address = None if page["next"] is None else page["next"].removeprefix("/api/v1")
+
+    def cancel(self, job: Job | str, kind: str = "fit") -> Job:
+        """Call a job off; one that is over stays as it is."""
+        id, kind = (job.id, job.kind) if isinstance(job, Job) else (job, kind)
+        return self._job(self._send("DELETE", f"/{PLURAL[kind]}/{id}").json())
+
+    def result(self, job: Job | str, kind: str = "fit") -> Any:
+        """What a job that is done found: `FitResult`, `BatchResult` or `Trace`.
+
+        Raises:
+            JshellError: There is no such job, or it has no result.
+        """
+        id, kind = (job.id, job.kind) if isinstance(job, Job) else (job, kind)
+        if kind == "batch":
+            return batches.unpack_result(self._send("GET", f"/batches/{id}.npz").content)
+        content = self._send("GET", f"/{PLURAL[kind]}/{id}.json").content
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "record.json"
+            path.write_bytes(content)
+            return load(path) if kind == "fit" else io.read_trace(path)
+
+    def profile(self, job: Job | str) -> dict[str, Any] | None:
+        """Profile intervals of a fit, where they were asked for; as `Profile.record()` says them."""
+        id = job.id if isinstance(job, Job) else job
+        return (self._send("GET", f"/fits/{id}").json()["result"] or {}).get("profile")
+
+    def healthy(self) -> bool:
+        """Whether the service is there and takes jobs."""
+        import httpx
+
+        try:
+            return self._http.get("/healthz").status_code == 200
+        except httpx.TransportError:
+            return False
+
+    def _job(self, found: Mapping[str, Any]) -> Job:
+        error = None if found["error"] is None else _error(found["error"])
+        return Job(
+            self, found["id"], found["kind"], found["state"], float(found["progress"]), found["specification"], error
+        )
+
+    def _send(self, method: str, address: str, *, key: str | None = None, **given: Any) -> "httpx.Response":
+        """A request, tried again while that can help; errors as the library's."""
+        import httpx
+
+        if method == "POST":
+            given["headers"] = {"Idempotency-Key": key or uuid.uuid4().hex}
+        until, pause = time.monotonic() + self.patience, 0.1
+        while True:
+            try:
+                response = self._http.request(method, f"/api/v1{address}", **given)
+            except httpx.TransportError as error:
+                if time.monotonic() + pause > until or isinstance(error, httpx.ConnectError):
+                    raise Unreachable(
+                        self.url, found=str(error) or type(error).__name__, expected="an answer",
+                        remedy="Start it with `jshell serve`, or check the address.",
+                    ) from None  # fmt: skip
+            else:
+                if response.status_code < 400:
+                    return response
+                if response.status_code not in AGAIN or time.monotonic() + pause > until:
+                    raise _problem(response)
+                pause = max(pause, min(float(response.headers.get("Retry-After", pause)), 2.0))
+            time.sleep(pause)
+            pause = min(2 * pause, 2.0)
+
+
+def _problem(response: "httpx.Response") -> JshellError:
+    """The error that a problem of RFC 9457 carries."""
+    try:
+        return _error(response.json())
+    except (ValueError, KeyError, TypeError):
+        return Unreachable(
+            str(response.url), found=f"status {response.status_code} from something else", expected="jshell's service",
+            remedy="Check the address.",
+        )  # fmt: skip
+
+
+def _error(found: Mapping[str, Any]) -> JshellError:
+    """An error of the library from its words."""
+    cause = str(found["cause"]).removeprefix("found ")
+    shown, _, expected = cause.partition("; expected ")
+    words = {
+        "found": str(found.get("found", shown)),
+        "expected": str(found.get("expected", expected or "a result")),
+        "remedy": str(found["remedy"]),
+    }
+    kinds = [kind for kind in vars(jshell.errors).values() if isinstance(kind, type) and issubclass(kind, JshellError)]
+    kind = next((one for one in kinds if one.code == found["code"] and one is not NotOk), JshellError)
+    error = kind(str(found["place"]), **words)
+    error.code = str(found["code"])
+    return error
+
+
+def _is_id(one: Data) -> bool:
+    return isinstance(one, str) and len(one) == 32 and all(letter in "0123456789abcdef" for letter in one)
+
+
+def _plain(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Options as JSON knows them: an infinite bound is open."""
+    found = {}
+    for name, value in options.items():
+        if name == "bounds":
+            ends = lambda pair: [None if math.isinf(float(x)) else float(x) for x in pair]  # noqa: E731
+            value = {key: ends(pair) for key, pair in value.items()}
+        elif name == "priors":
+            value = {key: {"mean": float(one.mean), "sigma": float(one.sigma)} for key, one in value.items()}
+        elif name == "tie" and not all(isinstance(text, str) for text in value.values()):
+            raise BadValue(
+                "tie", found="a function", expected="arithmetic as text: jobs are data", remedy='Write "0.3*alpha1".'
+            )
+        found[name] = value
+    return found
+
+
+def _written(trace: Trace) -> tuple[str, bytes]:
+    units = "si" if trace.scales is not None and trace.conditions is not None else "reduced"
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "trace.json"
+        io.write_trace(path, trace, units=units)
+        return path.name, path.read_bytes()
+
+
+def _bytes(path: Path) -> bytes:
+    from jshell.io.files import check_file
+
+    check_file(path)
+    return path.read_bytes()

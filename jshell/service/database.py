@@ -1,0 +1,249 @@
+"""One database behind one door: opened, checked, and its faults put into words.
+
+SQLite writes ahead and waits for the disk (WAL, synchronous FULL): what was
+acknowledged survives the loss of power. Writers of one process queue here, for
+SQLite wakes its own in no order. PostgreSQL keeps the time itself, for several
+machines have several clocks.
+"""
+
+import contextlib
+import sqlite3
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import sqlalchemy as sa
+from sqlalchemy import event, exc
+from sqlalchemy.engine import make_url
+
+from jshell.errors import BadStore, BadValue, MissingExtra, StoreUnavailable
+from jshell.service import tables
+
+PATIENCE = 10.0  # [s] that a writer waits for another one
+MAGIC = b"SQLite format 3\0"
+REMOTE = frozenset({"nfs", "nfs4", "cifs", "smb3", "smbfs", "afs", "ceph", "glusterfs", "lustre", "fuse.sshfs"})
+DAMAGED = ("malformed", "not a database", "corrupt")
+
+
+class Database:
+    """A database that is up to date.
+
+    Args:
+        url: `sqlite:///file.db`, or `postgresql+psycopg://…`.
+
+    Raises:
+        BadValue: Another kind of address, or SQLite on a network file system.
+        BadStore: Damaged, not jshell's, or of a later jshell; the file was not touched.
+        StoreUnavailable: Not to be reached, read-only, full or locked.
+    """
+
+    def __init__(self, url: str) -> None:
+        try:
+            self.url = make_url(url)
+        except exc.ArgumentError:
+            self.url = None
+        kind = "" if self.url is None else self.url.get_backend_name()
+        if self.url is None or kind not in ("sqlite", "postgresql"):
+            raise BadValue(
+                "db",
+                found=repr(url),
+                expected="sqlite:///file.db or postgresql+psycopg://user@host/database",
+                remedy="Write sqlite:///jshell.db for a file in this folder.",
+            )
+        self.sqlite = kind == "sqlite"
+        self.place = f"database {self.url.render_as_string(hide_password=True)!r}"
+        self._turn = threading.Lock()
+        if self.sqlite:
+            self._engine = self._open_file(self.url)
+        else:
+            self._engine = self._reach(self.url)
+        try:
+            with self.writing() as connection:
+                if not self.sqlite:  # two servers that start at once: one of them makes the tables
+                    connection.execute(sa.select(sa.func.pg_advisory_xact_lock(tables.APPLICATION)))
+                last = tables.migrate(connection, time.time())
+            if last > len(tables.STEPS):
+                raise BadStore(
+                    self.place,
+                    found=f"step {last} of the tables",
+                    expected=f"at most {len(tables.STEPS)}",
+                    remedy="A later jshell has written here: start that one.",
+                )
+        except BaseException:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """Let go of every connection."""
+        self._engine.dispose()
+
+    @property
+    def clock(self) -> sa.ColumnElement[float]:
+        """The time now [s since 1970], as the database is to use it."""
+        if self.sqlite:
+            return sa.literal(time.time(), sa.Double())
+        return sa.cast(sa.func.extract("epoch", sa.func.clock_timestamp()), sa.Double())
+
+    @contextlib.contextmanager
+    def reading(self) -> Iterator[sa.Connection]:
+        """A transaction that only looks."""
+        with self._in_words(), self._engine.connect() as connection:
+            yield connection
+
+    @contextlib.contextmanager
+    def writing(self) -> Iterator[sa.Connection]:
+        """A transaction: all of it is kept on the disk when the block ends, or none."""
+        if not self.sqlite:
+            with self._in_words(), self._engine.begin() as connection:
+                yield connection
+            return
+        if not self._turn.acquire(timeout=PATIENCE):
+            raise self._unavailable("other writers that do not end")
+        try:
+            with self._in_words(), self._engine.connect() as connection:
+                connection = connection.execution_options(jshell_writes=True)
+                with connection.begin():
+                    yield connection
+        finally:
+            self._turn.release()
+
+    def _open_file(self, url: sa.URL) -> sa.Engine:
+        name = url.database
+        if not name or name == ":memory:":
+            raise BadValue(
+                "db", found="no file", expected="a file, in which jobs survive", remedy="Write sqlite:///jshell.db"
+            )
+        path = Path(name)
+        _refuse_network(path)
+        if path.exists():
+            self._look_inside(path)
+        elif not path.parent.is_dir():
+            raise self._unavailable(f"no folder {str(path.parent)!r}")
+        engine = sa.create_engine(
+            url, pool_size=8, max_overflow=56, connect_args={"timeout": PATIENCE, "check_same_thread": False}
+        )
+
+        @event.listens_for(engine, "connect")
+        def set_up(connection: sqlite3.Connection, _) -> None:
+            connection.isolation_level = None  # transactions begin where the listener below says
+            for pragma in ("journal_mode = WAL", "synchronous = FULL", "foreign_keys = ON"):
+                connection.execute(f"PRAGMA {pragma}").close()
+
+        @event.listens_for(engine, "begin")
+        def begin(connection: sa.Connection) -> None:
+            writes = connection.get_execution_options().get("jshell_writes", False)
+            connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
+
+        return engine
+
+    def _look_inside(self, path: Path) -> None:
+        """Refuse a file that is not ours or is damaged, before anything is written to it."""
+        try:
+            with path.open("rb") as file:
+                head = file.read(100)
+        except OSError as error:
+            raise self._unavailable(error.strerror or str(error)) from None
+        if not head:
+            return  # made by `touch`, or by a server that was killed at once
+        remedy = "Name another file for the jobs; this one was not touched."
+        if not head.startswith(MAGIC):
+            raise BadStore(self.place, found="a file that is no database", expected="jshell's jobs", remedy=remedy)
+        spoiled = "Keep a copy of it, put back a backup, or name a new file; this one was not touched."
+        log = Path(f"{path}-wal")
+        # where nobody has it open, it is looked at as if it could not change: nothing is written beside it
+        for mode in ("mode=ro",) if log.exists() else ("immutable=1", "mode=ro"):
+            try:
+                names, found = _tables_and_state(path, mode)
+            except sqlite3.OperationalError as error:
+                raise self._unavailable(str(error)) from None
+            except sqlite3.DatabaseError as error:
+                names, found = set(), str(error)
+            if found == "ok" or not log.exists():  # else somebody has opened it meanwhile: look again
+                break
+        if found != "ok":
+            raise BadStore(self.place, found=found, expected="a sound database", remedy=spoiled)
+        if names and "migrations" not in names:
+            raise BadStore(
+                self.place,
+                found=f"a database of something else (tables {', '.join(sorted(names)[:5])})",
+                expected="jshell's jobs",
+                remedy=remedy,
+            )
+
+    def _reach(self, url: sa.URL) -> sa.Engine:
+        try:
+            return sa.create_engine(
+                url, pool_size=8, max_overflow=56, pool_pre_ping=True, connect_args={"connect_timeout": int(PATIENCE)}
+            )
+        except ModuleNotFoundError as error:
+            raise MissingExtra(
+                "db", found=str(error), expected="the extra `service`", remedy="pip install 'jshell[service]'"
+            ) from None
+
+    @contextlib.contextmanager
+    def _in_words(self) -> Iterator[None]:
+        try:
+            yield
+        except (exc.IntegrityError, exc.ProgrammingError, exc.DataError, exc.NotSupportedError):
+            raise  # our own mistakes, not the database's state
+        except exc.DBAPIError as error:
+            words = str(error.orig).strip().splitlines()[0] if str(error.orig).strip() else type(error.orig).__name__
+            if any(mark in words for mark in DAMAGED):
+                raise BadStore(
+                    self.place,
+                    found=words,
+                    expected="a sound database",
+                    remedy="Stop the service, keep a copy of the file, and put back a backup.",
+                ) from error
+            raise self._unavailable(words) from error
+        except exc.TimeoutError as error:
+            raise self._unavailable("every connection in use") from error
+
+    def _unavailable(self, words: str) -> StoreUnavailable:
+        remedy = "Check that it can be reached and written, then try again; nothing that was accepted is lost."
+        for mark, advice in _ADVICE:
+            if mark in words:
+                remedy = f"{advice} Nothing that was accepted is lost."
+        return StoreUnavailable(self.place, found=words, expected="a database that can be written", remedy=remedy)
+
+
+_ADVICE = (
+    ("disk is full", "Free some space on its disk, then try again."),
+    ("disk I/O", "Free some space on its disk, or check the disk, then try again."),
+    ("readonly", "Make the file and its folder writable for this user, or name another file."),
+    ("read-only", "Make the file and its folder writable for this user, or name another file."),
+    ("unable to open", "Make the folder writable for this user, or name another file."),
+    ("locked", "Another program holds it: end that program, then try again."),
+)
+
+
+def _tables_and_state(path: Path, mode: str) -> tuple[set[str], str]:
+    """Names of the tables in a file, and `ok` or what is wrong with it."""
+    with contextlib.closing(sqlite3.connect(f"{path.absolute().as_uri()}?{mode}", uri=True)) as connection:
+        connection.execute(f"PRAGMA busy_timeout = {int(1000 * PATIENCE)}").close()
+        names = {name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+        return names, connection.execute("PRAGMA quick_check(1)").fetchone()[0]
+
+
+def _refuse_network(path: Path) -> None:
+    """SQLite's locks do not hold on network file systems.
+
+    Raises:
+        BadValue: The file lies on one.
+    """
+    table = Path("/proc/mounts")
+    if not table.exists():
+        return
+    place, best = path.absolute(), ("", "")
+    for line in table.read_text(errors="replace").splitlines():
+        point, kind = line.split(" ")[1:3]
+        if place.is_relative_to(point) and len(point) >= len(best[0]):
+            best = (point, kind)
+    if best[1] in REMOTE:
+        raise BadValue(
+            "db",
+            found=f"a file on a network file system ({best[1]})",
+            expected="SQLite on a disk of this machine",
+            remedy="Name a local file, or use PostgreSQL.",
+        )

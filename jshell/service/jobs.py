@@ -1,0 +1,212 @@
+"""Jobs as the API and the page see them: accepted, shown, their results given out."""
+
+import functools
+import io
+import json
+import tempfile
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path, PurePath
+from typing import Any
+
+import jshell
+from jshell.calibration import BatchResult, FitResult
+from jshell.errors import BadFile, JshellError, NotFound
+from jshell.service import batches
+from jshell.service.problems import NotReady
+from jshell.service.safety import neutral_csv
+from jshell.service.schemas import Conditions, FitOptions, SimulateRequest, finite
+from jshell.service.store import JobRow, Store
+from jshell.trace import Trace
+
+PLURAL = {"fit": "fits", "batch": "batches", "simulate": "simulations"}
+FILES = {
+    "fit": {"json": "record.json", "csv": "table.csv", "nc": "record.nc", "txt": "report.txt"},
+    "batch": {"npz": "record.npz", "csv": "table.csv", "txt": "report.txt"},
+    "simulate": {"json": "trace.json", "csv": "trace.csv", "nc": "trace.nc"},
+}
+MEDIA = {
+    "json": "application/json",
+    "csv": "text/csv; charset=utf-8",
+    "nc": "application/x-netcdf",
+    "npz": "application/zip",
+    "txt": "text/plain; charset=utf-8",
+}
+EVERY = 0.1  # dimensionless time between the samples of a simulated trace
+KEPT = 32  # results that stay in memory once read
+
+
+def address(job: JobRow, suffix: str = "") -> str:
+    """Where the API has a job, or one of its files."""
+    return f"/api/v1/{PLURAL[job.kind]}/{job.id}{suffix}"
+
+
+def shown(job: JobRow) -> dict[str, Any]:
+    """A job as the API shows it; fields of `JobOut`."""
+    links = {"self": address(job), "page": f"/{PLURAL[job.kind]}/{job.id}"}
+    if job.state == "done":
+        links |= {suffix: address(job, f".{suffix}") for suffix in FILES[job.kind]}
+    error = job.error
+    return {
+        "id": job.id,
+        "kind": job.kind,
+        "state": job.state,
+        "created": job.created,
+        "started": job.started,
+        "finished": job.finished,
+        "attempt": job.attempt,
+        "progress": job.progress,
+        "traces": list(job.traces),
+        "specification": finite(dict(job.specification)),
+        "error": None
+        if error is None
+        else {"code": error.code, "place": error.place, "cause": error.cause, "remedy": error.remedy},
+        "links": links,
+    }
+
+
+def of_kind(store: Store, job: str, kind: str) -> JobRow:
+    """A job of a kind.
+
+    Raises:
+        NotFound: No such job, or one of another kind.
+    """
+    found = store.job(job)
+    if found.kind != kind:
+        raise NotFound(
+            f"job {job!r}", found=f"a job of kind {found.kind}", expected=f"one of kind {kind}",
+            remedy=f"Look at {address(found)}.",
+        )  # fmt: skip
+    return found
+
+
+def file_of(store: Store, job: JobRow, suffix: str) -> bytes:
+    """A result of a job; tables without formulas.
+
+    Raises:
+        NotReady: The job is not done.
+    """
+    if job.state != "done":
+        raise NotReady(
+            f"job {job.id!r}",
+            found=f"state {job.state}",
+            expected="state done",
+            remedy="Wait until it is done." if not job.over else f"See {address(job)} for why it has no result.",
+        )
+    content = store.result(job.id, FILES[job.kind][suffix])
+    return neutral_csv(content) if suffix == "csv" else content
+
+
+def file_name(store: Store, job: JobRow, suffix: str) -> str:
+    """The name under which a browser keeps a result."""
+    if not job.traces:
+        return f"{job.kind}-{job.id[:8]}.{suffix}"
+    return f"{PurePath(store.trace(job.traces[0]).name).stem}-{job.kind}-{job.id[:8]}.{suffix}"
+
+
+def fit_specification(options: FitOptions) -> dict[str, Any]:
+    """What a worker is asked to fit: only what differs from the library's defaults."""
+    return options.model_dump(mode="json", exclude={"traces"}, exclude_defaults=True)
+
+
+def simulator_specification(asked: SimulateRequest) -> dict[str, Any]:
+    """What a worker is asked to simulate."""
+    conditions = {name: getattr(asked, name) for name in Conditions.model_fields}
+    return {
+        "model": "simulator",
+        "conditions": conditions,
+        "duration": asked.duration,
+        "every": EVERY,
+        "ramp": asked.ramp,
+        "elements": asked.elements,
+    }
+
+
+@functools.lru_cache(maxsize=KEPT)
+def fit_result(store: Store, job: str) -> FitResult:
+    """The result of a fit that is done, as the library's own object."""
+    content = store.result(job, "record.json")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "record.json"
+        path.write_bytes(content)
+        return jshell.load(path)
+
+
+@functools.lru_cache(maxsize=4)
+def batch_result(store: Store, job: str) -> BatchResult:
+    """The result of a batch that is done, as the library's own object."""
+    return batches.unpack_result(store.result(job, "record.npz"))
+
+
+@functools.lru_cache(maxsize=8)
+def simulated(store: Store, job: str) -> Trace:
+    """The trace of a simulation that is done."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "trace.json"
+        path.write_bytes(store.result(job, "trace.json"))
+        return jshell.io.read_trace(path)
+
+
+def profile_of(store: Store, job: JobRow) -> Mapping[str, Any] | None:
+    """Profile intervals, where they were asked for."""
+    if not job.specification.get("profile"):
+        return None
+    try:
+        return json.loads(store.result(job.id, "profile.json"))
+    except NotFound:
+        return None
+
+
+def fit_shown(store: Store, job: JobRow) -> dict[str, Any]:
+    """A fit with its result, as the API shows it; fields of `FitOut`."""
+    if job.state != "done":
+        return shown(job) | {"result": None}
+    record = fit_result(store, job.id).record()
+    return shown(job) | {"result": finite(record | {"profile": profile_of(store, job)})}
+
+
+def summary(store: Store, job: JobRow) -> str:
+    """What came of a job, in a few words; empty while nothing has."""
+    if job.state == "failed" and job.error is not None:
+        return job.error.cause
+    if job.state != "done":
+        return ""
+    try:
+        if job.kind == "fit":
+            found = fit_result(store, job.id)
+            return f"{found.outcome.word.replace('_', ' ')}, χ²/ν {found.reduced_chi_square:.3g}"
+        if job.kind == "batch":
+            table = batch_result(store, job.id)
+            return f"{int(table.ok.sum())} of {len(table)} ok"
+    except JshellError as error:
+        return str(error)
+    return "trace"
+
+
+def packed(name: str, content: bytes) -> int:
+    """Traces in an upload of a batch, as far as can be told without reading them all.
+
+    Raises:
+        BadFile: Neither arrays nor an archive.
+    """
+    if not content.strip():
+        raise BadFile(name, found="an empty file", expected="traces", remedy="Check how the file was written.")
+    if name.lower().endswith(".npz") and "values.npy" in _members(content):
+        return int(batches.unpack(content, name).values.shape[0])
+    if name.lower().endswith(".zip"):
+        try:
+            with zipfile.ZipFile(io.BytesIO(content)) as archive:
+                return sum(not member.is_dir() for member in archive.infolist())
+        except zipfile.BadZipFile as error:
+            raise BadFile(
+                name, found=f"no archive ({error})", expected="a .zip of trace files", remedy="Pack it again."
+            ) from None
+    return 1
+
+
+def _members(content: bytes) -> list[str]:
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            return archive.namelist()
+    except zipfile.BadZipFile:
+        return []

@@ -1,0 +1,118 @@
+"""What a fit would begin from: the modes heard in the traces, and the constants that they imply.
+
+Nothing is fitted here. The curve drawn over the data is the two decaying modes
+of a matrix pencil, from which the library's first start is made.
+"""
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from jshell.calibration.frequency_table import Frequencies
+from jshell.calibration.master_curve import start_from_data
+from jshell.calibration.records import Record, chosen_channels, filled, record, rest_state, windowed
+from jshell.calibration.starts import Modes, find_modes, strict_start
+from jshell.errors import JshellError
+from jshell.trace import Trace
+
+
+@dataclass(frozen=True)
+class Preview:
+    """What a fit would read, and where it would begin.
+
+    Attributes:
+        loss: `strict` or `modal`.
+        channels: Those read.
+        traces: Inside the window.
+        curves: Per trace, channel to the modes heard; empty where no two modes are heard.
+        start: Constant to the value that the search begins from; empty where nothing is heard.
+        modes: Per trace ω-, ω+ and τ heard; None where nothing is.
+        notes: What the reader should know.
+    """
+
+    loss: str
+    channels: tuple[str, ...]
+    traces: tuple[Trace, ...]
+    curves: tuple[Mapping[str, np.ndarray], ...]
+    start: Mapping[str, float]
+    modes: tuple[tuple[float, float, float] | None, ...]
+    notes: tuple[str, ...]
+
+
+def preview(
+    traces: Sequence[Trace],
+    loss: str | None = None,
+    channels: Sequence[str] | None = None,
+    *,
+    equilibrium: str = "plateau",
+    start: float | None = None,
+    stop: float | None = None,
+    fix: Mapping[str, float] | None = None,
+) -> Preview:
+    """What a fit with these options would begin from.
+
+    Raises:
+        JshellError: What the fit itself would refuse of the traces.
+    """
+    if loss is None and not channels and all({"V", "S"} <= set(trace.channels) for trace in traces):
+        loss, channels = "strict", ("V", "S")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        cut = windowed(traces, start, stop)
+        loss, names = chosen_channels(cut, loss, channels)
+        notes: list[str] = []
+        curves, heard, ready = [], [], []
+        for number, trace in enumerate(cut, 1):
+            found = _modes(trace, names)
+            curves.append({} if found is None else _curve(trace, names, found))
+            heard.append(found)
+            if found is None:
+                notes.append(f"no two modes are heard in trace {number}: the search begins from random constants")
+            try:
+                offset = None if found is None or "V" not in names else float(found.offsets[names.index("V")])
+                state, texts = rest_state(trace, offset, equilibrium, number)
+                ready.append(record(trace, names, state))
+                notes += texts
+            except JshellError as error:
+                notes.append(f"{error.place}: {error.found}. {error.remedy}")
+        begin: dict[str, float] = {}
+        if len(ready) == len(cut) and all(one is not None for one in heard):
+            begin = _start(loss, ready, [one for one in heard if one is not None], dict(fix or {}))
+    modes = tuple(None if one is None else (*np.sqrt(one.squared).tolist(), one.tau) for one in heard)
+    return Preview(loss, names, tuple(cut), tuple(curves), begin, modes, tuple(dict.fromkeys(notes)))
+
+
+def _modes(trace: Trace, names: Sequence[str]) -> Modes | None:
+    times = np.asarray(trace.times, dtype=float)
+    data = np.stack([filled(times, np.asarray(trace[name], dtype=float)) for name in names])
+    return find_modes(times - times[0], data)
+
+
+def _curve(trace: Trace, names: Sequence[str], found: Modes) -> dict[str, np.ndarray]:
+    times = np.asarray(trace.times, dtype=float)
+    waves = np.exp(np.outer(found.poles, times - times[0]))
+    rows = found.offsets[:, None] + np.real(found.amplitudes @ waves)
+    return dict(zip(names, rows, strict=True))
+
+
+def _start(loss: str, ready: list[Record], heard: list[Modes], fix: dict[str, float]) -> dict[str, float]:
+    """The first start of the library, by name."""
+    known = {name: value for name, value in fix.items() if "[" not in name}
+    if loss == "strict":
+        names = ("alpha1", "alpha2", "k_vs", "beta1")
+        return dict(zip(names, strict_start(ready, heard, known).tolist(), strict=True))
+    if "k_vs" in known:
+        known["k_vs_squared"] = known.pop("k_vs") ** 2
+    table = Frequencies(
+        np.array([float(one.state.volume) for one in ready]),
+        np.array([float(one.state.pressure) for one in ready]),
+        np.array([float(one.conditions.kappa) for one in ready]),
+        np.array([0.5 / (1 - float(one.conditions.poisson_ratio)) for one in ready]),
+        np.array([np.sqrt(found.squared) for found in heard]),
+        np.ones((len(ready), 2)),
+    )
+    alpha1, alpha2, square = np.asarray(start_from_data(table, known)).tolist()
+    found = {"alpha1": alpha1, "alpha2": alpha2, "k_vs": float(np.sqrt(max(square, 0.0)))}
+    return found | {f"tau[{i}]" if len(heard) > 1 else "tau": one.tau for i, one in enumerate(heard, 1)}

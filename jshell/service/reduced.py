@@ -1,0 +1,112 @@
+"""The short model of one shell, at once: frequencies, how much it softens, how it rings.
+
+One compiled program serves every request: sizes are fixed, and all that a
+request brings is numbers.
+
+Symbols    ω± pulsations [sqrt(E d/(ρ_f R0³))]   V volume [R0³]   S area [R0²]   τ decay time
+Source     Mokbel et al. 2021: eq:defw, fig:soft, eq:taureal
+"""
+
+import warnings
+from dataclasses import dataclass
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jshell import oscillator
+from jshell.errors import Outcome
+from jshell.oscillator import SOURCE, Coefficients
+from jshell.oscillator.linear import matrices, uniform_propagator
+from jshell.shell.parameters import Reduced
+from jshell.shell.rest import RestState
+
+SAMPLES = 481  # of the trace
+LOADS = 121  # outer pressures of the curve
+PUSH = 0.01  # of the volume at rest: the motion shown is that after such a push, released at rest
+REACH = 1.6  # the curve goes up to so many buckling loads
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What the short model says of a shell; NaN where it says nothing.
+
+    Attributes:
+        outcome: Of the shell at its load.
+        omega: ω-, ω+, the sphere's, Marmottant's.
+        tau: Decay time; infinite without viscosity.
+        rest: Volume and pressure at rest.
+        softening: Buckling load, then sphere before over ω-, ω+ and Marmottant's after.
+        loads: (LOADS,) outer pressures.
+        crossing: (4, LOADS) pulsations of sphere, ω-, ω+, Marmottant.
+        times: (SAMPLES,).
+        motion: (2, SAMPLES) V and S.
+    """
+
+    outcome: Outcome
+    omega: np.ndarray
+    tau: float
+    rest: np.ndarray
+    softening: np.ndarray
+    loads: np.ndarray
+    crossing: np.ndarray
+    times: np.ndarray
+    motion: np.ndarray
+
+
+def answer(conditions: Reduced, coefficients: Coefficients = SOURCE, duration: float | int = 60.0) -> Answer:
+    """All that the short model says of a shell.
+
+    Args:
+        conditions: The shell and its load.
+        coefficients: Constants of the short model.
+        duration: Of the trace, dimensionless.
+    """
+    c = coefficients
+    numbers = [c.alpha1, c.alpha2, c.k_vs, c.beta1, float(duration)]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the page and the API say the range of the law beside the numbers
+        found = [np.asarray(part) for part in _all(conditions.as_arrays(), jnp.asarray(numbers, dtype=float))]
+    outcome, omega, tau, rest, softening, loads, crossing, times, motion = found
+    return Answer(
+        Outcome(int(outcome)), omega, float(tau), rest, softening, loads, crossing, times, motion
+    )  # fmt: skip
+
+
+@eqx.filter_jit
+def _all(conditions: Reduced, numbers: jax.Array) -> tuple[Any, ...]:
+    alpha1, alpha2, k_vs, beta1, duration = numbers
+    c = Coefficients(alpha1, alpha2, k_vs, beta1)
+    found = oscillator.frequencies(conditions, c)
+    state = RestState(found.volume, found.pressure)
+    fall = oscillator.softening(conditions.thickness, conditions.gas_pressure, c)
+    top = jnp.where(jnp.isfinite(fall.load), REACH * fall.load, 2 * conditions.gas_pressure)
+    top = jnp.maximum(top, 1.1 * conditions.outer_pressure)
+    loads = conditions.gas_pressure + (top - conditions.gas_pressure) * jnp.linspace(0.0, 1.0, LOADS)
+    curve = oscillator.crossing(conditions.thickness, conditions.gas_pressure, c, loads)
+    over = jnp.stack([curve.sphere, curve.slow, curve.fast, curve.marmottant]) * curve.unit
+
+    step = duration / (SAMPLES - 1)
+    motion = uniform_propagator(matrices(c, state, conditions), step, SAMPLES)
+    pushed = motion[:, :2, 0] * (PUSH * state.volume)
+    area = 4 * jnp.pi
+    channels = jnp.stack([state.volume + pushed[:, 0], area + pushed[:, 1]])
+    omega = jnp.stack([found.omega_minus, found.omega_plus, found.omega_sphere, found.omega_marmottant])
+    buckled = found.outcome != int(Outcome.NO_BUCKLED_STATE)
+    omega = jnp.where(jnp.array([1, 1, 0, 1]).astype(bool) & ~buckled, jnp.nan, omega)
+    rest = jnp.where(buckled, jnp.stack([state.volume, state.pressure]), jnp.nan)
+    tau = oscillator.decay_time(c, conditions.viscosity)
+    ok = found.outcome == int(Outcome.OK)
+    return (
+        found.outcome,
+        omega,
+        tau,
+        rest,
+        jnp.stack([fall.load, fall.slow, fall.fast, fall.marmottant]),
+        loads,
+        over,
+        step * jnp.arange(SAMPLES),
+        jnp.where(ok, channels, jnp.nan),
+    )

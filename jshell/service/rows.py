@@ -1,0 +1,87 @@
+"""A job as it is told: its state, what was asked, why it failed."""
+
+import dataclasses
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from jshell.errors import KeyConflict, NotFound
+from jshell.service.tables import CANCELLED, DONE, FAILED
+
+
+@dataclasses.dataclass(frozen=True)
+class Failure:
+    """Why a job has no result, in the words of the library's errors."""
+
+    code: str
+    place: str
+    cause: str
+    remedy: str
+
+
+@dataclasses.dataclass(frozen=True)
+class JobRow:
+    """A job as it stands.
+
+    Attributes:
+        id: Its name.
+        kind: `fit`, `batch` or `simulate`.
+        state: `queued`, `running`, `done`, `failed` or `cancelled`.
+        specification: What was asked, as JSON.
+        traces: Identifiers of the traces it reads.
+        attempt: How often it was begun.
+        owner: Who works or worked on it.
+        created, started, finished: Times [s since 1970].
+        progress: Part that is done, 0 to 1.
+        error: Why it failed.
+    """
+
+    id: str
+    kind: str
+    state: str
+    specification: Mapping[str, Any]
+    traces: tuple[str, ...]
+    attempt: int
+    owner: str | None
+    created: float
+    started: float | None
+    finished: float | None
+    progress: float
+    error: Failure | None
+
+    @property
+    def over(self) -> bool:
+        """Whether nothing will change any more."""
+        return self.state in (DONE, FAILED, CANCELLED)
+
+
+@dataclasses.dataclass(frozen=True)
+class Submission:
+    """A job, and whether it was made just now."""
+
+    job: JobRow
+    created: bool
+
+
+def job_of(row: Any) -> JobRow:
+    """A job from its row in the database."""
+    return JobRow(
+        row.id, row.kind, row.state, json.loads(row.specification), tuple(json.loads(row.traces)), row.attempt,
+        row.owner, row.created, row.started, row.finished, float(row.progress),
+        None if row.error is None else Failure(**json.loads(row.error)),
+    )  # fmt: skip
+
+
+def key_conflict(key: str) -> KeyConflict:
+    """The refusal of a key that stands for another request."""
+    return KeyConflict(
+        f"key {key!r}",
+        found="a request other than the one it was first sent with",
+        expected="the same request under the same key",
+        remedy="Take a new key for a new request.",
+    )
+
+
+def unknown_job(job: str) -> NotFound:
+    """The refusal of a name that no job has."""
+    return NotFound(f"job {job!r}", found="no such job", expected="the id of a job", remedy="Look at the list of jobs.")

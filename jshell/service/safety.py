@@ -1,0 +1,257 @@
+"""Who may ask, by what name, and how much: checked before a request is read.
+
+Neither Starlette nor uvicorn limits the size of a whole body, so its bytes are
+counted here, chunked ones too. A page of another site can make a browser send
+requests to this machine: the Host header must be one of ours (rebinding), and
+what changes anything must come from our own pages or from no page at all.
+There is no CORS: no other site may read an answer.
+"""
+
+import asyncio
+import csv
+import hmac
+import io
+import re
+import unicodedata
+from collections.abc import Awaitable, Callable, Iterable, MutableMapping
+from http.cookies import CookieError, SimpleCookie
+from typing import Any
+from urllib.parse import quote, urlsplit
+
+from jshell.errors import BadValue, JshellError
+from jshell.io.sheets import NUMBER
+from jshell.service.problems import CrossSite, NoToken, TooLarge, TooSlow, WrongHost
+from jshell.service.settings import LOCAL, Settings
+
+Scope = MutableMapping[str, Any]
+Message = MutableMapping[str, Any]
+Receive = Callable[[], Awaitable[Message]]
+Send = Callable[[Message], Awaitable[None]]
+App = Callable[[Scope, Receive, Send], Awaitable[None]]
+Refuse = Callable[[Scope, JshellError], App]
+
+COOKIE = "jshell_token"
+OPEN = ("/healthz", "/login", "/static/")  # what needs no token
+SAFE = ("GET", "HEAD", "OPTIONS")
+FORMULA = ("=", "+", "-", "@", "\t", "\r")  # how a spreadsheet begins a formula
+NAME = 120  # characters of a file's name that are kept
+HEADERS = (
+    (b"content-security-policy", b"default-src 'self'; img-src 'self' data:; object-src 'none'; base-uri 'none'; "
+     b"form-action 'self'; frame-ancestors 'none'"),
+    (b"x-content-type-options", b"nosniff"),
+    (b"x-frame-options", b"DENY"),
+    (b"referrer-policy", b"same-origin"),
+    (b"cross-origin-opener-policy", b"same-origin"),
+    (b"cross-origin-resource-policy", b"same-origin"),
+)  # fmt: skip
+
+
+def check_open(settings: Settings) -> None:
+    """Refuse to listen where other machines can ask, without a token.
+
+    Raises:
+        BadValue: An address other than this machine's own, and no token, or one that is easily guessed.
+    """
+    if settings.host in LOCAL:
+        return
+    if not settings.token:
+        raise BadValue(
+            "--host",
+            found=f"{settings.host}, where other machines can ask, and no token",
+            expected="127.0.0.1, or a token",
+            remedy="Set JSHELL_TOKEN to a long random text, e.g. of `openssl rand -hex 24`.",
+        )
+    if len(settings.token) < 16:
+        raise BadValue(
+            "token", found=f"{len(settings.token)} characters", expected="at least 16",
+            remedy="Take a random one, e.g. of `openssl rand -hex 24`.",
+        )  # fmt: skip
+
+
+class Gate:
+    """The first thing a request meets: name, token, origin, size, time.
+
+    Args:
+        app: What comes after.
+        settings: Names, token and limits.
+        refuse: Makes of an error the answer.
+    """
+
+    def __init__(self, app: App, settings: Settings, refuse: Refuse) -> None:
+        self.app, self.settings, self.refuse = app, settings, refuse
+        self.hosts = {host.lower().strip("[]") for host in settings.allowed_hosts}
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http":
+            await self.app(scope, receive, send)
+            return
+        headers = {name.lower(): value.decode("latin-1") for name, value in scope["headers"]}
+        dressed = self._dressed(send)
+        error = self._error(scope, headers)
+        if error is not None:
+            await self.refuse(scope, error)(scope, receive, dressed)
+            return
+        counted = _Counted(receive, self.settings.upload, self.settings.arrival)
+        started = False
+
+        async def watched(message: Message) -> None:
+            nonlocal started
+            if counted.error is None or started:  # what others make of a body that was cut off is not said
+                started = True
+                await dressed(message)
+
+        try:
+            await self.app(scope, counted, watched)
+        except (TooLarge, TooSlow):
+            if started:
+                raise
+        if counted.error is not None and not started:
+            await self.refuse(scope, counted.error)(scope, receive, dressed)
+
+    def _error(self, scope: Scope, headers: dict[bytes, str]) -> JshellError | None:
+        host = headers.get(b"host", "")
+        if _name(host) not in self.hosts:
+            return WrongHost(
+                "header Host",
+                found=repr(host[:80]),
+                expected="one of " + ", ".join(sorted(self.hosts)),
+                remedy="Call the service by one of its names, or start it with --allow-host NAME.",
+            )
+        if scope["method"] not in SAFE:
+            error = _cross_site(headers, host)
+            if error is not None:
+                return error
+        length = headers.get(b"content-length", "0")
+        if length.isdecimal() and int(length) > self.settings.upload:
+            return too_large(int(length), self.settings.upload)
+        token = self.settings.token
+        path = scope["path"]
+        if token and not any(path == one or (one[-1] == "/" and path.startswith(one)) for one in OPEN):
+            given = _bearer(headers) or _cookie(headers)
+            if not hmac.compare_digest(given.encode(), token.encode()):
+                return NoToken(
+                    "header Authorization",
+                    found="no token" if not given else "another token",
+                    expected="Bearer and the service's token",
+                    remedy="Ask its keeper for the token; a browser gives it at /login.",
+                )
+        return None
+
+    def _dressed(self, send: Send) -> Send:
+        async def dressed(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                present = {name.lower() for name, _ in message["headers"]}
+                message["headers"] = [
+                    *message["headers"], *((name, value) for name, value in HEADERS if name not in present)
+                ]  # fmt: skip
+            await send(message)
+
+        return dressed
+
+
+class _Counted:
+    """A body whose bytes and seconds are counted while it arrives."""
+
+    def __init__(self, receive: Receive, most: int, seconds: float | int) -> None:
+        self.receive, self.most, self.seconds = receive, most, seconds
+        self.bytes, self.until, self.done = 0, 0.0, False
+        self.error: JshellError | None = None
+
+    async def __call__(self) -> Message:
+        if self.error is not None:
+            raise self.error
+        if self.done:
+            return await self.receive()
+        now = asyncio.get_running_loop().time()
+        self.until = self.until or now + self.seconds
+        try:
+            async with asyncio.timeout_at(self.until):
+                message = await self.receive()
+        except TimeoutError:
+            self.error = TooSlow(
+                "body", found=f"not all of it after {self.seconds:g} s", expected="all of it by then",
+                remedy="Send less at once, or over a faster line.",
+            )  # fmt: skip
+            raise self.error from None
+        if message["type"] == "http.request":
+            self.bytes += len(message.get("body", b""))
+            self.done = not message.get("more_body", False)
+            if self.bytes > self.most:
+                self.error = too_large(self.bytes, self.most)
+                raise self.error
+        return message
+
+
+def too_large(found: int, most: int) -> TooLarge:
+    """The refusal of a body that is larger than `most` bytes."""
+    return TooLarge(
+        "body",
+        found=f"{found / 2**20:.3g} MiB or more",
+        expected=f"at most {most / 2**20:.3g} MiB",
+        remedy="Keep every tenth row, cut the record, or send several uploads.",
+    )
+
+
+def _name(host: str) -> str:
+    """The name in a Host header, without its port; empty where it is no name."""
+    found = re.fullmatch(r"(\[[0-9a-fA-F:.]+\]|[A-Za-z0-9._-]+)(?::\d{1,5})?", host)
+    return found[1].strip("[]").lower() if found else ""
+
+
+def _cross_site(headers: dict[bytes, str], host: str) -> JshellError | None:
+    """The refusal of a request that another site's page makes a browser send."""
+    origin = headers.get(b"origin")
+    site = headers.get(b"sec-fetch-site", "none")
+    strange = origin is not None and urlsplit(origin).netloc.lower() != host.lower()
+    if not strange and site in ("none", "same-origin"):
+        return None
+    return CrossSite(
+        "header Origin", found=repr((origin or site)[:80]), expected="this service's own pages",
+        remedy="Open the service's page itself, or use its API from a program.",
+    )  # fmt: skip
+
+
+def _bearer(headers: dict[bytes, str]) -> str:
+    kind, _, token = headers.get(b"authorization", "").partition(" ")
+    return token.strip() if kind.lower() == "bearer" else ""
+
+
+def _cookie(headers: dict[bytes, str]) -> str:
+    try:
+        found = SimpleCookie(headers.get(b"cookie", ""))
+    except CookieError:
+        return ""
+    return found[COOKIE].value if COOKIE in found else ""
+
+
+def clean_name(name: str | None) -> str:
+    """A file's name as it may be kept and shown: no path, no control or direction marks, of bearable length."""
+    last = re.split(r"[/\\]", name or "")[-1]
+    plain = "".join(letter for letter in last if unicodedata.category(letter)[0] != "C").strip().strip(".")
+    stem, dot, suffix = plain.rpartition(".")
+    if not dot or len(suffix) > 8:
+        stem, dot, suffix = plain, "", ""
+    return (stem[: NAME - 9] or "trace") + dot + suffix
+
+
+def attachment(name: str) -> str:
+    """The header that lets a browser keep an answer as a file of this name."""
+    plain = re.sub(r"[^A-Za-z0-9._-]", "_", name)
+    return f"attachment; filename=\"{plain}\"; filename*=UTF-8''{quote(name, safe='')}"
+
+
+def neutral(cell: str) -> str:
+    """A cell that a spreadsheet takes for text: formulas lose their meaning, numbers stay numbers."""
+    text = cell.lstrip(" ")
+    return f"'{cell}" if text.startswith(FORMULA) and not NUMBER.fullmatch(cell) else cell
+
+
+def neutral_csv(content: bytes) -> bytes:
+    """A CSV export in which no cell is a formula; lines `# key: value` stay as they are."""
+    text = content.decode("utf-8")
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    lines: Iterable[str] = text.splitlines(keepends=True)
+    for row in csv.reader(lines):
+        writer.writerow([neutral(cell) for cell in row])
+    return out.getvalue().encode("utf-8")

@@ -1,0 +1,261 @@
+"""What goes over the wire: requests and answers of the API, with their limits.
+
+Jobs are data: names out of closed lists, numbers, and arithmetic as text that
+the library parses itself. Nothing here can name a function or a file.
+"""
+
+import math
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, StringConstraints
+
+from jshell.shell.presets import R
+
+Id = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{8,64}$", max_length=64)]
+Text = Annotated[str, StringConstraints(min_length=1, max_length=200)]
+Constant = Annotated[str, StringConstraints(pattern=r"^(alpha1|alpha2|k_vs|beta1|beta2|tau)(\[[1-9][0-9]{0,4}\])?$")]
+Condition = Literal["thickness", "youngs_modulus", "gas_pressure", "outer_pressure", "viscosity"]
+Key = Annotated[str, StringConstraints(min_length=1, max_length=200, pattern=r"^[\x21-\x7e]+$")]
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-1e12, le=1e12)]
+Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0, le=1e12)]
+
+
+def _whole(value: Any) -> Any:
+    """JSON has one kind of number: 32.0 is a whole one."""
+    return int(value) if isinstance(value, float) and value.is_integer() else value
+
+
+Whole = Annotated[int, Field(strict=True), BeforeValidator(_whole)]
+State = Literal["queued", "running", "done", "failed", "cancelled"]
+JobKind = Literal["fit", "batch", "simulate"]
+
+
+def _closed(schema: dict[str, Any]) -> None:
+    """Say in the description what is refused anyway: names beside the pattern."""
+    for part in schema.get("properties", {}).values():
+        if "patternProperties" in part:
+            part["additionalProperties"] = False
+
+
+class Wire(BaseModel):
+    """A request: names that the schema does not know are refused."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, json_schema_extra=_closed)
+
+
+def _ordered(pair: tuple[float | None, float | None]) -> tuple[float | None, float | None]:
+    low, high = pair
+    if low is not None and high is not None and not low < high:
+        raise ValueError("the lowest value must be below the highest")
+    return pair
+
+
+Bounds = Annotated[tuple[Number | None, Number | None], AfterValidator(_ordered)]
+
+
+class Prior(Wire):
+    """What is known of a parameter before the data."""
+
+    mean: Number
+    sigma: Positive
+
+
+class FitOptions(Wire):
+    """The options of `jshell.calibration.fit_trajectories`, in plain values; all may be left out."""
+
+    loss: Literal["strict", "modal"] | None = Field(None, description="strict: V and S; modal: any channel.")
+    channels: list[Text] | None = Field(None, min_length=1, max_length=20, description="Channels to read.")
+    solver: Literal["exact", "diffrax"] = "exact"
+    equilibrium: Literal["plateau", "trace"] = Field("plateau", description="Where the rest state comes from.")
+    fix: dict[Constant, Number] = Field(default_factory=dict, max_length=100, description="Constants not to be fitted.")
+    bounds: dict[Constant, Bounds] = Field(
+        default_factory=dict, max_length=100, description="Lowest and highest value; null is open."
+    )
+    tie: dict[Constant, Text] = Field(
+        default_factory=dict, max_length=100, description='Arithmetic of other constants, e.g. "0.3*alpha1".'
+    )
+    local: list[Constant | Condition] = Field(
+        default_factory=list, max_length=20, description="Parameters that every trace has of its own."
+    )
+    uncertain: dict[Condition, Positive | None] = Field(
+        default_factory=dict, description="Conditions that are parameters, with their relative standard error."
+    )
+    priors: dict[Constant, Prior] = Field(default_factory=dict, max_length=100)
+    robust: Literal["huber", "cauchy"] | None = None
+    noise: Literal["auto", "white"] = "auto"
+    start: Number | None = Field(None, description="First time read, dimensionless.")
+    stop: Number | None = Field(None, description="Last time read, dimensionless.")
+    drop: list[tuple[Number, Number]] = Field(default_factory=list, max_length=100, description="Spans to leave out.")
+    missing: Literal["refuse", "drop"] = "refuse"
+    beta2: Literal["equal_decay", "free"] = "equal_decay"
+    dipole: Literal["corrected", "printed"] = "corrected"
+    starts: Whole = Field(3, ge=0, le=50, description="Random starts beside the one from the spectrum.")
+    seed: Whole = Field(0, ge=0, le=2**31 - 1)
+    profile: bool = Field(False, strict=True, description="Asymmetric 95 % intervals by profile likelihood as well.")
+
+
+class FitRequest(FitOptions):
+    """Fit the short model to one or many traces that share their constants."""
+
+    traces: list[Id] = Field(min_length=1, max_length=10_000, description="Identifiers that POST /traces gave.")
+
+
+class BatchOptions(Wire):
+    """The options of `jshell.calibration.fit_batch`."""
+
+    solver: Literal["exact", "diffrax"] = "exact"
+    equilibrium: Literal["plateau", "trace"] = "plateau"
+    fix: dict[Literal["alpha1", "alpha2", "k_vs", "tau"], Number] = Field(default_factory=dict)
+    bounds: dict[Literal["alpha1", "alpha2", "k_vs", "tau"], Bounds] = Field(default_factory=dict)
+    starts: Whole = Field(0, ge=0, le=20)
+    seed: Whole = Field(0, ge=0, le=2**31 - 1)
+
+
+class Conditions(Wire):
+    """A shell and its load without units: lengths in R0, pressures in E d/R0."""
+
+    d_hat: float = Field(float(R.conditions.thickness), strict=True, gt=0, lt=1, description="Thickness d/R0.")
+    P0_hat: float = Field(float(R.conditions.gas_pressure), strict=True, gt=0, le=1e6, description="Gas pressure.")
+    Pext_hat: float = Field(
+        float(R.conditions.outer_pressure), strict=True, gt=0, le=1e6, description="Outer pressure."
+    )
+    eta_hat: float = Field(float(R.conditions.viscosity), strict=True, ge=0, le=1e3, description="Viscosity.")
+    kappa: float = Field(1.4, strict=True, ge=1, le=10, description="Polytropic exponent.")
+    nu: float = Field(0.5, strict=True, gt=-1, le=0.5, description="Poisson ratio.")
+
+
+class SimulateRequest(Conditions):
+    """The short model at once, or a run of the simulator as a job."""
+
+    model: Literal["reduced", "simulator"] = Field("reduced", description="simulator: a job, 202.")
+    alpha1: float | None = Field(None, strict=True, gt=0, le=1e3, description="Added-mass factor of the volume.")
+    alpha2: float | None = Field(None, strict=True, gt=0, le=1e3, description="Added-mass factor of the area.")
+    k_vs: float | None = Field(None, strict=True, ge=-1e3, le=1e3, description="Volume-area coupling.")
+    beta1: float | None = Field(None, strict=True, ge=0, le=1e4, description="Damping factor of the volume.")
+    duration: float = Field(60.0, strict=True, gt=0, le=400, description="Length of the trace.")
+    ramp: float = Field(25.0, strict=True, ge=0, le=200, description="Simulator: time of the pressure's rise.")
+    elements: Whole = Field(24, ge=12, le=64, description="Simulator: elements.")
+
+
+class TraceOut(BaseModel):
+    """A stored trace."""
+
+    id: str
+    name: str
+    sha256: str
+    size: int
+    created: float = Field(description="Seconds since 1970.")
+
+
+class Failure(BaseModel):
+    """Why a job failed, in the library's words."""
+
+    code: str
+    place: str
+    cause: str
+    remedy: str
+
+
+class TraceRead(TraceOut):
+    """A stored trace, and what was read in it; or why it cannot be read: a file of a batch may be anything."""
+
+    samples: int | None
+    duration: float | None = Field(description="Dimensionless, or seconds where there are no conditions.")
+    channels: list[str]
+    sigma: list[str]
+    units: dict[str, str] = Field(description="Column to unit, as read in the file; - is a pure number.")
+    conditions: dict[str, float] | None
+    scales: dict[str, float] | None = Field(description="SI value of the units of length, pressure and density.")
+    loss: Literal["strict", "modal"] | None = Field(description="The loss that a fit would take by itself.")
+    warnings: list[str]
+    error: Failure | None
+
+
+class JobOut(BaseModel):
+    """A job: where it stands, and where its results are."""
+
+    id: str
+    kind: JobKind
+    state: State
+    created: float
+    started: float | None
+    finished: float | None
+    attempt: int
+    progress: float
+    traces: list[str]
+    specification: dict[str, Any]
+    error: Failure | None
+    links: dict[str, str]
+
+
+class FitOut(JobOut):
+    """A fit, with its result where there is one; its fields are those of `FitResult.record()`."""
+
+    result: dict[str, Any] | None = None
+
+
+class TracePage(BaseModel):
+    """Traces, the latest first."""
+
+    traces: list[TraceOut]
+    next: str | None = Field(description="Address of the next page; null on the last.")
+
+
+class JobPage(BaseModel):
+    """Jobs, the latest first."""
+
+    jobs: list[JobOut]
+    next: str | None = Field(description="Address of the next page; null on the last.")
+
+
+class SimulateOut(BaseModel):
+    """What the short model says of a shell."""
+
+    outcome: str
+    advice: str
+    omega_minus: float | None
+    omega_plus: float | None
+    omega_sphere: float | None
+    omega_marmottant: float | None
+    tau: float | None
+    volume: float | None
+    pressure: float | None
+    softening: dict[str, float | None] = Field(description="Sphere before buckling over the buckled shell after it.")
+    crossing: dict[str, list[float | None]] = Field(description="Pulsations over the outer pressure.")
+    trace: dict[str, list[float | None]] = Field(description="t, V and S after a push of one percent of the volume.")
+    conditions: dict[str, float]
+    coefficients: dict[str, float]
+
+
+class Health(BaseModel):
+    """Whether the service can take and run jobs."""
+
+    status: Literal["ok"]
+    version: str
+
+
+class ProblemOut(BaseModel):
+    """Problem details of RFC 9457, with the library's code, place, cause and remedy."""
+
+    type: str
+    title: str
+    status: int
+    detail: str
+    instance: str
+    code: str
+    place: str
+    cause: str
+    found: str
+    expected: str
+    remedy: str
+
+
+def finite(value: Any) -> Any:
+    """A value as JSON knows it: NaN and infinity are null."""
+    if isinstance(value, dict):
+        return {str(key): finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

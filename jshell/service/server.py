@@ -1,0 +1,77 @@
+"""The service on its way: opened, listening, and drained when it is told to stop."""
+
+import signal
+import socket
+import sys
+from collections.abc import Callable
+
+from jshell.errors import BadValue, MissingExtra
+from jshell.service.settings import Settings
+
+HEADER = 16 * 1024  # bytes of a request's line and headers
+CONNECTIONS = 512  # open at the same time; more are told to come back
+IDLE = 15  # seconds that a quiet connection is kept
+
+
+def serve(settings: Settings, told: Callable[[str], None] | None = None) -> None:
+    """Listen until a signal says stop; then finish or give back what runs, within ten seconds.
+
+    Args:
+        settings: What the keeper chose.
+        told: Is called with the address once it is known.
+
+    Raises:
+        BadValue: An open address without a token, or a port that is taken.
+        BadStore, StoreUnavailable: As `Store.open`.
+        MissingExtra: The extra `service` is not installed.
+    """
+    try:
+        import uvicorn
+
+        from jshell.service.app import create_app
+        from jshell.service.safety import check_open
+        from jshell.service.store import Store
+        from jshell.service.worker import Worker
+    except ImportError as error:
+        raise MissingExtra(
+            "jshell serve", found=f"no {error.name}", expected="the extra `service`",
+            remedy="Install it: pip install 'jshell[service]'.",
+        ) from error  # fmt: skip
+    check_open(settings)
+    listening = _listen(settings)
+    store = Store.open(settings.db, queue=settings.queue, attempts=settings.attempts)
+    try:
+        app = create_app(settings, store, Worker(settings, store))
+        config = uvicorn.Config(
+            app, log_level="warning", server_header=False, date_header=True, h11_max_incomplete_event_size=HEADER,
+            limit_concurrency=CONNECTIONS, timeout_keep_alive=IDLE, timeout_graceful_shutdown=2, lifespan="on",
+            access_log=False, proxy_headers=False,
+        )  # fmt: skip
+        if told is not None:
+            host, port = listening.getsockname()[:2]
+            told(f"http://{f'[{host}]' if ':' in host else host}:{port}")
+        server = uvicorn.Server(config)
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, lambda *_: None if server.started else sys.exit(0))
+        server.run(sockets=[listening])  # it drains on a signal and then sends it on: to the line above
+    finally:
+        store.close()
+        listening.close()
+
+
+def _listen(settings: Settings) -> socket.socket:
+    family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
+    host = "127.0.0.1" if settings.host == "localhost" else settings.host
+    listening = socket.socket(family, socket.SOCK_STREAM)
+    listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listening.bind((host, settings.port))
+    except OSError as error:
+        listening.close()
+        raise BadValue(
+            "--host, --port", found=f"{settings.host}:{settings.port} ({error.strerror})",
+            expected="an address that is free", remedy="Choose another --port; 0 picks one.",
+        ) from None  # fmt: skip
+    listening.listen(1024)
+    listening.set_inheritable(False)
+    return listening

@@ -1,0 +1,62 @@
+"""Everything about the service that its keeper may choose; the rest is not a choice."""
+
+from dataclasses import dataclass, field
+
+from jshell.errors import BadValue
+
+LOCAL = ("127.0.0.1", "localhost", "::1")
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What a running service was told.
+
+    Args:
+        db: Where jobs are kept: `sqlite:///jshell.db`, or `postgresql+psycopg://user@host/database`.
+        engine: Where jobs run: `processes` (spawned), `inline`, or `tcp://host:port` of a Dask scheduler.
+        workers: Jobs that run at the same time.
+        lease: Time after which a job whose worker no longer speaks is given to another [s].
+        attempts: Deaths of its worker after which a job is given up.
+        seconds: Longest time of one job [s]; spawned processes only.
+        memory: Largest resident memory of the process of one job [bytes]; spawned processes on Linux only.
+        queue: Jobs that may wait.
+        upload: Largest body of a request [bytes].
+        arrival: Time in which the body of a request must arrive [s].
+        traces: Most traces of one job.
+        cache: Folder of compiled programs, kept between runs; None takes JAX_COMPILATION_CACHE_DIR, or one in
+            the user's cache folder that belongs to this processor.
+        warm: Whether a process compiles the usual fit before its first job.
+        host: Address the server listens at.
+        port: Port it listens at.
+        token: What a request must bear where the service is open to other machines.
+        allowed_hosts: Names by which the service may be called.
+
+    Raises:
+        BadValue: A number outside its meaning.
+    """
+
+    db: str = "sqlite:///jshell.db"
+    engine: str = "processes"
+    workers: int = 1
+    lease: float | int = 15.0
+    attempts: int = 3
+    seconds: float | int = 600.0
+    memory: int = 4 * 2**30
+    queue: int = 1000
+    upload: int = 256 * 2**20
+    arrival: float | int = 120.0
+    traces: int = 10_000
+    cache: str | None = None
+    warm: bool = True
+    host: str = "127.0.0.1"
+    port: int = 8765
+    token: str | None = field(default=None, repr=False)
+    allowed_hosts: tuple[str, ...] = LOCAL
+
+    def __post_init__(self) -> None:
+        for name in ("workers", "lease", "attempts", "seconds", "memory", "queue", "upload", "arrival", "traces"):
+            value = getattr(self, name)
+            if not value > 0:
+                raise BadValue(name, found=f"{value:g}", expected="a number above 0", remedy="Leave it out.")
+        if not 0 <= self.port < 2**16:
+            raise BadValue("port", found=str(self.port), expected="0 to 65535", remedy="8765 is usual; 0 picks one.")

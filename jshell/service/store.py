@@ -1,0 +1,399 @@
+"""The jobs: what was asked, who works on it, what came out.
+
+At least once executed, exactly once recorded. A job that was accepted is on
+the disk. Whoever works on it holds a lease and says so again and again; one
+that falls silent loses the job to another. What it delivers late is refused,
+for a job is finished by owner and attempt, and only once.
+"""
+
+import dataclasses
+import hashlib
+import json
+import secrets
+import threading
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import sqlalchemy as sa
+from sqlalchemy.dialects import postgresql, sqlite
+
+from jshell.errors import BadName, BadStore, BadValue, NotFound, QueueFull, StoreUnavailable
+from jshell.service import uploads
+from jshell.service.database import Database
+from jshell.service.rows import Failure, JobRow, Submission, job_of, key_conflict, unknown_job
+from jshell.service.tables import CANCELLED, DONE, FAILED, LIVE, QUEUED, RUNNING, STATES, jobs, keys, pulse, results
+from jshell.service.uploads import TraceRow
+
+KINDS = ("fit", "batch", "simulate")
+DIED = "worker_died"
+QUIET = 2.0  # [s] that a job rests after its second worker died: what kills workers lets the others go first
+
+
+class Store:
+    """Traces, jobs and results in a database.
+
+    Args:
+        database: Where.
+        queue: Jobs that may wait.
+        attempts: Deaths of its worker after which a job is given up.
+    """
+
+    def __init__(self, database: Database, *, queue: int = 1000, attempts: int = 3) -> None:
+        self.database, self.queue, self.attempts = database, queue, attempts
+        self._arrived = threading.Condition()
+
+    @staticmethod
+    def open(url: str, *, queue: int = 1000, attempts: int = 3) -> "Store":
+        """The store at an address, made or brought up to date.
+
+        Raises:
+            BadValue, BadStore, StoreUnavailable: As `Database`.
+        """
+        return Store(Database(url), queue=queue, attempts=attempts)
+
+    def close(self) -> None:
+        """Let go of the database."""
+        self.database.close()
+
+    def add_trace(self, name: str, content: bytes) -> TraceRow:
+        """Keep an uploaded file; the same bytes under the same suffix are kept once.
+
+        Raises:
+            StoreUnavailable: Nothing was kept.
+        """
+        return uploads.add(self.database, name, content)
+
+    def trace(self, trace: str) -> TraceRow:
+        """What is known of an upload.
+
+        Raises:
+            NotFound: No such trace.
+        """
+        return uploads.one(self.database, trace)
+
+    def trace_content(self, trace: str) -> bytes:
+        """The bytes of an upload.
+
+        Raises:
+            NotFound: No such trace.
+        """
+        return uploads.content(self.database, trace)
+
+    def files(self, traces: Sequence[str]) -> list[tuple[str, bytes]]:
+        """Name and bytes of many uploads.
+
+        Raises:
+            NotFound: No such trace.
+        """
+        return uploads.files(self.database, traces)
+
+    def traces(self, limit: int = 50, before: str | None = None) -> list[TraceRow]:
+        """Uploads, the newest first; those before one."""
+        return uploads.some(self.database, limit, before)
+
+    def submit(
+        self, kind: str, specification: Mapping[str, Any], traces: Sequence[str], key: str | None = None
+    ) -> Submission:
+        """Accept a job: when this returns, it is on the disk.
+
+        What waits, runs or is done with the same content is that job; what failed or was cancelled is tried anew.
+
+        Args:
+            kind: `fit`, `batch` or `simulate`.
+            specification: What is asked, as JSON.
+            traces: Identifiers of uploads.
+            key: The caller's own name of this request: sent again, it is the same job.
+
+        Raises:
+            BadName, BadValue, NotFound: No such kind; a specification that is no JSON; no such trace.
+            KeyConflict: The key stands for another request.
+            QueueFull: More jobs wait than may.
+            StoreUnavailable: Nothing was accepted.
+        """
+        if kind not in KINDS:
+            raise BadName(f"kind {kind!r}", found="no such kind", expected=", ".join(KINDS), remedy="Choose one.")
+        try:
+            text = json.dumps(specification, sort_keys=True, ensure_ascii=False, allow_nan=False)
+        except (TypeError, ValueError) as error:
+            raise BadValue(
+                "specification", found=str(error), expected="a JSON object", remedy="Use numbers, texts and lists."
+            ) from None
+        content = _content(kind, text, traces)
+        with self.database.writing() as connection:
+            if key is not None:
+                known = connection.execute(sa.select(keys).where(keys.c.key == key)).one_or_none()
+                if known is not None:
+                    return self._same(connection, known, content)
+            row = connection.execute(sa.select(jobs).where(jobs.c.content == content, LIVE)).one_or_none()
+            made = row is None
+            if row is None:
+                uploads.require(connection, traces)
+                waiting = connection.execute(
+                    sa.select(sa.func.count()).select_from(jobs).where(jobs.c.state == QUEUED)
+                ).scalar_one()
+                if waiting >= self.queue:
+                    raise QueueFull(
+                        "queue", found=f"{waiting} waiting jobs", expected=f"fewer than {self.queue}",
+                        remedy="Try again later.",
+                    )  # fmt: skip
+                row, made = self._insert(connection, kind, text, traces, content)
+            if key is not None:
+                stored = self._insert_key(connection, key, content, row.id)
+                if not stored:  # another server was faster with this key
+                    known = connection.execute(sa.select(keys).where(keys.c.key == key)).one()
+                    if known.content != content:
+                        raise key_conflict(key)
+        if made:
+            with self._arrived:
+                self._arrived.notify_all()
+        return Submission(job_of(row), made)
+
+    def job(self, job: str) -> JobRow:
+        """A job as it stands.
+
+        Raises:
+            NotFound: No such job.
+        """
+        with self.database.reading() as connection:
+            row = connection.execute(sa.select(jobs).where(jobs.c.id == job)).one_or_none()
+        if row is None:
+            raise unknown_job(job)
+        return job_of(row)
+
+    def jobs(
+        self, state: str | None = None, limit: int = 50, before: str | None = None, kind: str | None = None
+    ) -> list[JobRow]:
+        """Jobs, the newest first; those of a state, those before one, those of a kind.
+
+        Raises:
+            BadName: No such state.
+            NotFound: No such job to be before.
+        """
+        if state is not None and state not in STATES:
+            raise BadName(f"state {state!r}", found="no such state", expected=", ".join(STATES), remedy="Choose one.")
+        asked = sa.select(jobs).order_by(jobs.c.number.desc()).limit(limit)
+        with self.database.reading() as connection:
+            if before is not None:
+                number = connection.execute(sa.select(jobs.c.number).where(jobs.c.id == before)).scalar()
+                if number is None:
+                    raise unknown_job(before)
+                asked = asked.where(jobs.c.number < number)
+            if state is not None:
+                asked = asked.where(jobs.c.state == state)
+            if kind is not None:
+                asked = asked.where(jobs.c.kind == kind)
+            return [job_of(row) for row in connection.execute(asked)]
+
+    def result(self, job: str, name: str) -> bytes:
+        """A file that a job made.
+
+        Raises:
+            NotFound: No such job, or it has no such result.
+        """
+        with self.database.reading() as connection:
+            found = connection.execute(
+                sa.select(results.c.content).where(results.c.job == job, results.c.name == name)
+            ).scalar()
+        if found is None:
+            names = self.result_names(job)
+            raise NotFound(
+                f"job {job!r}, result {name!r}",
+                found=f"state {self.job(job).state!r}, " + (f"results {', '.join(names)}" if names else "no result"),
+                expected="a job that is done and made this",
+                remedy="Wait until the job is done, and choose a name that it has.",
+            )
+        return bytes(found)
+
+    def result_names(self, job: str) -> tuple[str, ...]:
+        """Names of what a job made."""
+        asked = sa.select(results.c.name).where(results.c.job == job).order_by(results.c.name)
+        with self.database.reading() as connection:
+            return tuple(connection.execute(asked).scalars())
+
+    def cancel(self, job: str) -> JobRow:
+        """Give a job up; one that is over stays as it is.
+
+        Raises:
+            NotFound: No such job.
+        """
+        change = jobs.update().where(jobs.c.id == job, jobs.c.state.in_((QUEUED, RUNNING)))
+        with self.database.writing() as connection:
+            connection.execute(change.values(state=CANCELLED, finished=self.database.clock, lease=None))
+        return self.job(job)
+
+    def counts(self) -> dict[str, int]:
+        """Jobs in each state."""
+        asked = sa.select(jobs.c.state, sa.func.count()).group_by(jobs.c.state)
+        with self.database.reading() as connection:
+            found = {row[0]: int(row[1]) for row in connection.execute(asked)}
+        return {state: found.get(state, 0) for state in STATES}
+
+    def healthy(self) -> bool:
+        """Whether the database takes a write; false where it does not answer or is full."""
+        try:
+            with self.database.writing() as connection:
+                connection.execute(pulse.update().values(beat=self.database.clock))
+        except (StoreUnavailable, BadStore):
+            return False
+        return True
+
+    def wait_for_work(self, seconds: float | int) -> None:
+        """Return when a job was accepted in this process, or when the time is over."""
+        with self._arrived:
+            self._arrived.wait(seconds)
+
+    def lease(self, owner: str, seconds: float | int) -> JobRow | None:
+        """Take the oldest job that waits; None where none does.
+
+        Args:
+            owner: Who takes it.
+            seconds: Time in which the owner must speak again.
+        """
+        now = self.database.clock
+        oldest = sa.select(jobs.c.number).where(jobs.c.state == QUEUED, jobs.c.ready <= now)
+        oldest = oldest.order_by(jobs.c.number).limit(1).with_for_update(skip_locked=True)
+        change = jobs.update().where(jobs.c.number == oldest.scalar_subquery(), jobs.c.state == QUEUED)
+        change = change.values(
+            state=RUNNING,
+            owner=owner,
+            attempt=jobs.c.attempt + 1,
+            started=sa.func.coalesce(jobs.c.started, now),
+            lease=now + seconds,
+            progress=0.0,
+        )
+        with self.database.writing() as connection:
+            row = connection.execute(change.returning(*jobs.c)).one_or_none()
+        return None if row is None else job_of(row)
+
+    def heartbeat(
+        self, job: str, owner: str, attempt: int, *, seconds: float | int = 15.0, progress: float | int | None = None
+    ) -> bool:
+        """Say that a job is still worked on.
+
+        Returns:
+            Whether it is still the owner's: false where it was cancelled, or given to another.
+        """
+        values: dict[str, Any] = {"lease": self.database.clock + seconds}
+        if progress is not None:
+            values["progress"] = progress
+        with self.database.writing() as connection:
+            return connection.execute(_held(job, owner, attempt).values(**values)).rowcount == 1
+
+    def finish(self, job: str, owner: str, attempt: int, outcome: Mapping[str, bytes] | Failure) -> bool:
+        """Record what a job made, or why it failed; once, and only by who holds it.
+
+        Returns:
+            False where it is no longer the owner's; nothing was recorded then.
+        """
+        failed = isinstance(outcome, Failure)
+        change = _held(job, owner, attempt).values(
+            state=FAILED if failed else DONE,
+            finished=self.database.clock,
+            lease=None,
+            progress=jobs.c.progress if failed else 1.0,
+            error=json.dumps(dataclasses.asdict(outcome)) if failed else None,
+        )
+        with self.database.writing() as connection:
+            if connection.execute(change).rowcount != 1:
+                return False
+            if not failed and outcome:
+                rows = [{"job": job, "name": name, "content": content} for name, content in outcome.items()]
+                connection.execute(results.insert(), rows)
+        return True
+
+    def give_back(self, job: str, owner: str, attempt: int, *, died: bool = False, delay: float | int = 0.0) -> bool:
+        """Let another one have a job.
+
+        Args:
+            job, owner, attempt: As leased.
+            died: Whether its worker died of it: after `attempts` deaths the job has failed.
+            delay: Time for which nobody gets it [s].
+
+        Returns:
+            Whether it was still the owner's.
+        """
+        with self.database.writing() as connection:
+            return self._requeue(connection, _held(job, owner, attempt), died, delay) == 1
+
+    def reclaim(self) -> int:
+        """Take jobs from owners that no longer speak; how many."""
+        silent = jobs.update().where(jobs.c.state == RUNNING, jobs.c.lease < self.database.clock)
+        with self.database.writing() as connection:
+            found = self._requeue(connection, silent, True, 0.0)
+        if found:
+            with self._arrived:
+                self._arrived.notify_all()
+        return found
+
+    def _requeue(self, connection: sa.Connection, chosen: sa.Update, died: bool, delay: float | int) -> int:
+        now, deaths = self.database.clock, jobs.c.deaths + int(died)
+        given_up = deaths >= self.attempts if died else sa.false()
+        rest = QUIET * jobs.c.deaths if died else sa.literal(0.0)
+        error = Failure(
+            DIED,
+            "worker",
+            f"worker died: {self.attempts} times in the middle of this job",
+            "Look at the memory of the machine and at the log of the service; a shorter record needs less.",
+        )
+        change = chosen.values(
+            state=sa.case((given_up, FAILED), else_=QUEUED),
+            deaths=deaths,
+            owner=sa.case((given_up, jobs.c.owner), else_=sa.null()),
+            ready=now + delay + rest,
+            finished=sa.case((given_up, now), else_=sa.null()),
+            error=sa.case((given_up, json.dumps(dataclasses.asdict(error))), else_=sa.null()),
+            lease=None,
+        )
+        return connection.execute(change).rowcount
+
+    def _insert(self, connection: sa.Connection, kind: str, text: str, traces: Sequence[str], content: str):
+        """A new job; or the one that another server made of the same content in this very moment."""
+        now = self.database.clock
+        values = {
+            "id": secrets.token_hex(12),
+            "kind": kind,
+            "specification": text,
+            "traces": json.dumps(list(traces)),
+            "content": content,
+            "state": QUEUED,
+            "created": now,
+            "ready": now,
+        }
+        insert = self._dialect.insert(jobs).values(**values)
+        insert = insert.on_conflict_do_nothing(index_elements=[jobs.c.content], index_where=LIVE)
+        while True:
+            row = connection.execute(insert.returning(*jobs.c)).one_or_none()
+            if row is not None:
+                return row, True
+            row = connection.execute(sa.select(jobs).where(jobs.c.content == content, LIVE)).one_or_none()
+            if row is not None:  # None where that one has failed meanwhile
+                return row, False
+
+    def _insert_key(self, connection: sa.Connection, key: str, content: str, job: str) -> bool:
+        insert = self._dialect.insert(keys).on_conflict_do_nothing(index_elements=[keys.c.key])
+        insert = insert.values(key=key, content=content, job=job, created=self.database.clock)
+        return connection.execute(insert.returning(keys.c.key)).scalar() is not None
+
+    def _same(self, connection: sa.Connection, known: Any, content: str) -> Submission:
+        if known.content != content:
+            raise key_conflict(known.key)
+        row = connection.execute(sa.select(jobs).where(jobs.c.id == known.job)).one()
+        return Submission(job_of(row), False)
+
+    @property
+    def _dialect(self):
+        return sqlite if self.database.sqlite else postgresql
+
+
+def _content(kind: str, text: str, traces: Sequence[str]) -> str:
+    """What makes two requests the same: data, specification, version."""
+    import jshell
+
+    whole = json.dumps([kind, text, list(traces), jshell.__version__])
+    return hashlib.sha256(whole.encode()).hexdigest()
+
+
+def _held(job: str, owner: str, attempt: int) -> sa.Update:
+    return jobs.update().where(
+        jobs.c.id == job, jobs.c.state == RUNNING, jobs.c.owner == owner, jobs.c.attempt == attempt
+    )

@@ -1,0 +1,264 @@
+"""What a job does: JSON and files in, files out.
+
+Plain functions that a process anywhere can import; nothing of the database,
+nothing of HTTP. A job is data only: what it asks for is looked up here by name.
+"""
+
+import csv
+import functools
+import io as streams
+import json
+import os
+import tempfile
+import traceback
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path, PurePath
+from typing import Any
+
+import numpy as np
+
+from jshell import calibration, dynamics, io, oscillator
+from jshell.calibration.specification import Specification
+from jshell.calibration.stored import stored
+from jshell.errors import BadName, BadValue, JshellError, LimitReached
+from jshell.io.formats import FORMATS
+from jshell.io.records import plain, write_record
+from jshell.oscillator import Coefficients
+from jshell.service import batches
+from jshell.trace import Trace
+
+FIT = frozenset(Specification.__dataclass_fields__) - {"kind", "weighting"}
+FIT_MORE = frozenset({"conditions", "profile", "netcdf"})
+BATCH = frozenset({"solver", "equilibrium", "fix", "bounds", "starts", "seed"})
+SIMULATOR = frozenset(
+    {"duration", "every", "ramp", "elements", "attached", "shell_density", "step", "follow", "tolerance", "netcdf"}
+)
+OSCILLATOR = frozenset({"duration", "every", "coefficients", "initial", "netcdf"})
+Files = Sequence[tuple[str, bytes]]
+_USUAL = {"d_hat": 0.22, "P0_hat": 0.9, "Pext_hat": 1.6, "eta_hat": 0.004}
+
+
+@dataclass(frozen=True)
+class Answer:
+    """How a job ended: files by name, or an error; with a traceback for the log where jshell itself is at fault."""
+
+    files: Mapping[str, bytes]
+    error: Mapping[str, str] | None = None
+    fault: str | None = None
+
+
+_TOO_LARGE = LimitReached(
+    "memory of a job", found="none left", expected="enough for the job", remedy="Fit fewer or shorter records at once."
+)
+
+
+def ready(warm: bool = False) -> int:
+    """The process that answers, once everything is imported and, where asked for, the usual programs are compiled."""
+    if warm:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            _warm()
+    return os.getpid()
+
+
+def run(kind: str, specification: Mapping[str, Any], files: Files) -> Answer:
+    """Do a job.
+
+    Args:
+        kind: `fit`, `batch` or `simulate`.
+        specification: What is asked.
+        files: Name and bytes of each trace.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # a result carries its own warnings
+            return Answer(_TASKS[kind](specification, files))
+    except JshellError as error:
+        return Answer({}, error.record())
+    except MemoryError:
+        return Answer({}, _TOO_LARGE.record())
+    except Exception as error:  # the outer edge of the worker
+        return Answer({}, None, f"{error!r}\n{traceback.format_exc()}")
+
+
+def fit(specification: Mapping[str, Any], files: Files) -> dict[str, bytes]:
+    """Fit traces that share their constants.
+
+    Returns:
+        `record.json`, which `jshell.load` reads; `table.csv` of parameters; `report.txt`; unless `netcdf` is
+        false, `record.nc`; with `profile` asked for, `profile.json`.
+
+    Raises:
+        JshellError: As `jshell.calibration.fit_trajectories` and `jshell.io.read_trace`.
+    """
+    _known(specification, FIT | FIT_MORE)
+    asked = {name: value for name, value in specification.items() if name in FIT}
+    traces = [_trace(name, content, specification.get("conditions")) for name, content in files]
+    free = asked.get("loss") is None and not asked.get("channels")
+    if free and traces and all({"V", "S"} <= set(trace.channels) for trace in traces):
+        asked |= {"loss": "strict", "channels": ("V", "S")}
+    priors = {name: calibration.Prior(**value) for name, value in (asked.pop("priors", None) or {}).items()}
+    bounds = {name: _limits(pair) for name, pair in (asked.pop("bounds", None) or {}).items()}
+    drop = tuple(tuple(span) for span in asked.pop("drop", None) or ())
+    local = tuple(asked.pop("local", None) or ())
+    found = calibration.fit_trajectories(traces, **asked, priors=priors, bounds=bounds, drop=drop, local=local)
+    made = {
+        "record.json": _record("fit", stored(found)),
+        "report.txt": found.report().encode(),
+        "table.csv": _parameters(found),
+    }
+    if specification.get("profile"):
+        made["profile.json"] = _json(found.profile().record())
+    if specification.get("netcdf", True):
+        with tempfile.TemporaryDirectory() as folder:
+            made["record.nc"] = found.to_netcdf(Path(folder) / "record.nc").read_bytes()
+    return made
+
+
+def batch(specification: Mapping[str, Any], files: Files) -> dict[str, bytes]:
+    """Fit each of many traces by itself.
+
+    Returns:
+        `record.npz`, which `jshell.service.batches.unpack_result` reads; `table.csv`, one row per trace;
+        `report.txt`.
+
+    Raises:
+        JshellError: As `jshell.calibration.fit_batch`.
+    """
+    _known(specification, BATCH)
+    asked = dict(specification)
+    asked["bounds"] = {name: _limits(pair) for name, pair in (asked.pop("bounds", None) or {}).items()}
+    records = batches.read(files, _trace)
+    found = batches.fitted(records, asked)
+    return {
+        "record.npz": batches.pack_result(found),
+        "table.csv": batches.table(found, records.names),
+        "report.txt": str(found).encode(),
+    }
+
+
+def simulate(specification: Mapping[str, Any], files: Files = ()) -> dict[str, bytes]:
+    """Run a model.
+
+    Returns:
+        `trace.json`, `trace.csv` and, unless `netcdf` is false, `trace.nc`; `jshell.io.read_trace` reads them.
+
+    Raises:
+        JshellError: As `jshell.dynamics.simulate` and `jshell.oscillator.simulate`.
+    """
+    trace = motion(specification)
+    made = {}
+    with tempfile.TemporaryDirectory() as folder:
+        for suffix in (".json", ".csv", ".nc") if specification.get("netcdf", True) else (".json", ".csv"):
+            path = Path(folder) / f"trace{suffix}"
+            io.write_trace(path, trace)
+            made[path.name] = path.read_bytes()
+    return made
+
+
+def motion(specification: Mapping[str, Any]) -> Trace:
+    """The trace of a model: `model` is `simulator` (shell and liquid), or `oscillator` (the short model).
+
+    Raises:
+        BadName: No such model, or an option that it does not have.
+    """
+    asked = dict(specification)
+    model = asked.pop("model", "simulator")
+    given = asked.pop("conditions", None)
+    asked.pop("netcdf", None)
+    if model not in ("simulator", "oscillator"):
+        raise BadName(
+            f"model {model!r}", found="no such model", expected="simulator or oscillator", remedy="Choose one."
+        )
+    _known(asked, SIMULATOR if model == "simulator" else OSCILLATOR)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "conditions.json"
+        path.write_text(json.dumps(given))
+        conditions, _ = _reading(path, "conditions", lambda: io.read_conditions(path))
+    if model == "simulator":
+        return dynamics.simulate(conditions, **asked)
+    duration, every = float(asked.get("duration", 70.0)), float(asked.get("every", 0.05))
+    if not (0 < every <= duration and np.isfinite(duration)):
+        raise BadValue(
+            "duration, every", found=f"{duration:g}, {every:g}", expected="0 < every <= duration", remedy="Check them."
+        )
+    coefficients = Coefficients(**asked["coefficients"]) if asked.get("coefficients") else oscillator.SOURCE
+    initial = np.asarray(asked.get("initial", (0.02, 0.0, 0.0, 0.0)), dtype=float)
+    times = every * np.arange(int(duration / every + 1e-9) + 1)
+    return oscillator.simulate(conditions, coefficients, initial=initial, times=times)
+
+
+_TASKS: Mapping[str, Callable[[Mapping[str, Any], Files], dict[str, bytes]]] = {
+    "fit": fit,
+    "batch": batch,
+    "simulate": simulate,
+}
+
+
+@functools.cache
+def _warm() -> None:
+    """Compile what a usual fit needs, once a process: two channels, up to 512 samples."""
+    trace = motion({"model": "oscillator", "conditions": _USUAL, "duration": 40.0, "every": 0.1})
+    calibration.fit_trajectories(trace, "strict")
+
+
+def _trace(name: str, content: bytes, conditions: Any = None) -> Trace:
+    """A trace from the bytes of a file; errors call it by the name that its owner gave it."""
+    with tempfile.TemporaryDirectory() as folder:
+        suffix = PurePath(name).suffix.lower()
+        path = Path(folder) / f"trace{suffix if suffix in FORMATS else '.csv'}"
+        path.write_bytes(content)
+        meta = None
+        if conditions is not None:
+            meta = Path(folder) / "conditions.json"
+            meta.write_text(json.dumps(conditions))
+        return _reading(path, name, lambda: io.read_trace(path, meta=meta))
+
+
+def _reading(path: Path, name: str, read: Callable[[], Any]) -> Any:
+    try:
+        return read()
+    except JshellError as error:
+        hidden = str(path.parent)
+        words = {key: text.replace(str(path), name).replace(hidden + "/", "") for key, text in error.record().items()}
+        code = words.pop("code")
+        renamed = type(error)(**words)  # pyright: ignore[reportCallIssue]
+        renamed.code = code
+        raise renamed from None
+
+
+def _known(specification: Mapping[str, Any], names: frozenset[str]) -> None:
+    for name in specification:
+        if name not in names:
+            raise BadName(
+                f"option {name!r}",
+                found="no such option of this job",
+                expected=", ".join(sorted(names)),
+                remedy="Leave it out, or choose one of these.",
+            )
+
+
+def _limits(pair: Sequence[float | int | None]) -> tuple[float, float]:
+    low, high = pair
+    return (-np.inf if low is None else float(low), np.inf if high is None else float(high))
+
+
+def _record(kind: str, content: Mapping[str, Any]) -> bytes:
+    with tempfile.TemporaryDirectory() as folder:
+        return write_record(Path(folder) / "record.json", kind, content).read_bytes()
+
+
+def _json(content: Any) -> bytes:
+    return json.dumps(plain(content), ensure_ascii=False, allow_nan=False).encode()
+
+
+def _parameters(found: calibration.FitResult) -> bytes:
+    file = streams.StringIO()
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow(["name", "value", "stderr", "role", "reason"])
+    for one in (*found.estimates, *found.derived):
+        stderr = float(one.stderr) if np.isfinite(one.stderr) else ""
+        writer.writerow([batches.cell(one.name), float(one.value), stderr, one.role, one.reason or ""])
+    return file.getvalue().encode()

@@ -1,0 +1,138 @@
+"""Files that were uploaded: kept once, by their content."""
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import PurePath
+from typing import Any
+
+import sqlalchemy as sa
+from sqlalchemy.dialects import postgresql, sqlite
+
+from jshell.errors import NotFound
+from jshell.service.database import Database
+from jshell.service.tables import contents, traces
+
+TOGETHER = 500  # names in one query
+
+
+@dataclass(frozen=True)
+class TraceRow:
+    """What is known of an uploaded file.
+
+    Attributes:
+        id: Its name; follows from content and suffix.
+        name: As the file was called when it first came.
+        sha256: Of its bytes.
+        size: Bytes.
+        created: When it came [s since 1970].
+    """
+
+    id: str
+    name: str
+    sha256: str
+    size: int
+    created: float
+
+
+def add(database: Database, name: str, content: bytes) -> TraceRow:
+    """Keep a file; the same bytes under the same suffix are kept once."""
+    digest = hashlib.sha256(content).hexdigest()
+    # the suffix tells the format: the same bytes may mean something else under another
+    key = hashlib.sha256(f"{PurePath(name).suffix.lower()}\0{digest}".encode()).hexdigest()[:32]
+    dialect = sqlite if database.sqlite else postgresql
+    with database.reading() as connection:
+        row = connection.execute(sa.select(traces).where(traces.c.id == key)).one_or_none()
+    if row is None:
+        values = {"id": key, "name": name, "sha256": digest, "size": len(content), "created": database.clock}
+        with database.writing() as connection:
+            insert = dialect.insert(traces).values(**values).on_conflict_do_nothing(index_elements=[traces.c.id])
+            if connection.execute(insert.returning(traces.c.id)).scalar() is not None:
+                connection.execute(contents.insert().values(trace=key, content=content))
+            row = connection.execute(sa.select(traces).where(traces.c.id == key)).one()
+    return _row(row)
+
+
+def one(database: Database, trace: str) -> TraceRow:
+    """What is known of a file.
+
+    Raises:
+        NotFound: No such file.
+    """
+    with database.reading() as connection:
+        row = connection.execute(sa.select(traces).where(traces.c.id == trace)).one_or_none()
+    if row is None:
+        raise unknown(trace)
+    return _row(row)
+
+
+def content(database: Database, trace: str) -> bytes:
+    """The bytes of a file.
+
+    Raises:
+        NotFound: No such file.
+    """
+    with database.reading() as connection:
+        found = connection.execute(sa.select(contents.c.content).where(contents.c.trace == trace)).scalar()
+    if found is None:
+        raise unknown(trace)
+    return bytes(found)
+
+
+def files(database: Database, wanted: Sequence[str]) -> list[tuple[str, bytes]]:
+    """Name and bytes of many files, in their order.
+
+    Raises:
+        NotFound: No such file.
+    """
+    asked = sa.select(traces.c.id, traces.c.name, contents.c.content).join(contents, contents.c.trace == traces.c.id)
+    found: dict[str, tuple[str, bytes]] = {}
+    with database.reading() as connection:
+        for at in range(0, len(wanted), TOGETHER):
+            for row in connection.execute(asked.where(traces.c.id.in_(wanted[at : at + TOGETHER]))):
+                found[row.id] = (row.name, bytes(row.content))
+    for name in wanted:
+        if name not in found:
+            raise unknown(name)
+    return [found[name] for name in wanted]
+
+
+def some(database: Database, limit: int, before: str | None) -> list[TraceRow]:
+    """Files, the newest first; those before one.
+
+    Raises:
+        NotFound: No such file to be before.
+    """
+    asked = sa.select(traces).order_by(traces.c.number.desc()).limit(limit)
+    with database.reading() as connection:
+        if before is not None:
+            number = connection.execute(sa.select(traces.c.number).where(traces.c.id == before)).scalar()
+            if number is None:
+                raise unknown(before)
+            asked = asked.where(traces.c.number < number)
+        return [_row(row) for row in connection.execute(asked)]
+
+
+def require(connection: sa.Connection, wanted: Sequence[str]) -> None:
+    """Refuse names of files that were never uploaded.
+
+    Raises:
+        NotFound: The first of them.
+    """
+    known: set[str] = set()
+    for at in range(0, len(wanted), TOGETHER):
+        part = wanted[at : at + TOGETHER]
+        known |= set(connection.execute(sa.select(traces.c.id).where(traces.c.id.in_(part))).scalars())
+    for name in wanted:
+        if name not in known:
+            raise unknown(name)
+
+
+def unknown(trace: str) -> NotFound:
+    return NotFound(
+        f"trace {trace!r}", found="no such trace", expected="the id of an upload", remedy="Upload the trace first."
+    )
+
+
+def _row(row: Any) -> TraceRow:
+    return TraceRow(row.id, row.name, row.sha256, row.size, row.created)

@@ -1,0 +1,1 @@
+"""The page: rendered here, without a build step, useful without JavaScript."""

@@ -1,0 +1,190 @@
+"""The form of a new fit: what a browser sends, as the API's own request.
+
+Every field is optional and has the library's default, so that the form posts
+without JavaScript, and a link can hold all of it.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from pydantic import ValidationError
+from starlette.datastructures import ImmutableMultiDict
+
+from jshell.calibration.specification import Specification
+from jshell.errors import BadValue, JshellError
+from jshell.io.sheets import NUMBER
+from jshell.service.problems import of_validation
+from jshell.service.schemas import FitRequest
+from jshell.service.store import JobRow
+
+STRICT, MODAL = ("alpha1", "alpha2", "k_vs", "beta1"), ("alpha1", "alpha2", "k_vs", "tau")
+SYMBOLS = {
+    "alpha1": ("α₁", "added-mass factor of the volume"),
+    "alpha2": ("α₂", "added-mass factor of the area"),
+    "k_vs": ("k_VS", "volume-area coupling"),
+    "beta1": ("β₁", "damping factor of the volume"),
+    "beta2": ("β₂", "damping factor of the area"),
+    "tau": ("τ", "decay time of every trace"),
+}
+CONDITIONS = {
+    "thickness": "thickness d",
+    "youngs_modulus": "Young's modulus E",
+    "gas_pressure": "gas pressure P₀",
+    "outer_pressure": "outer pressure Pₑₓₜ",
+    "viscosity": "viscosity η",
+}
+CHOICES = ("equilibrium", "robust", "noise", "beta2", "missing", "dipole", "solver")
+
+
+@dataclass
+class FitForm:
+    """What stands in the fields, as text; and what is wrong with it.
+
+    Attributes:
+        traces: Identifiers.
+        fields: Name of a field to its text.
+        channels: Those ticked; empty is the library's choice.
+        error: The first thing that is wrong.
+    """
+
+    traces: list[str]
+    fields: dict[str, str] = field(default_factory=dict)
+    channels: list[str] = field(default_factory=list)
+    error: JshellError | None = None
+
+    def text(self, name: str) -> str:
+        """What stands in a field."""
+        return self.fields.get(name, "")
+
+    def role(self, name: str) -> str:
+        """`free`, `fixed` or `local`."""
+        return self.fields.get(f"role.{name}", "free")
+
+    def request(self) -> FitRequest:
+        """The API's request.
+
+        Raises:
+            BadValue: A field that holds no number, or a value that the API refuses.
+        """
+        asked: dict[str, Any] = {"traces": self.traces}
+        if self.channels:
+            asked["channels"] = self.channels
+        for name in ("loss", *CHOICES):
+            if self.text(name):
+                asked[name] = self.text(name)
+        for name in ("start", "stop"):
+            if self.text(name):
+                asked[name] = self.time(name)
+        for name in ("starts", "seed"):
+            if self.text(name):
+                asked[name] = self.number(name)
+        fix, bounds, tie, local = {}, {}, {}, []
+        for name in SYMBOLS:
+            role = self.role(name)
+            if role == "fixed":
+                fix[name] = self.number(f"value.{name}")
+            elif role == "local":
+                local.append(name)
+            elif role == "tied":
+                tie[name] = self.text(f"tie.{name}")
+            low, high = self.text(f"low.{name}"), self.text(f"high.{name}")
+            if role != "fixed" and (low or high):
+                bounds[name] = (
+                    self.number(f"low.{name}") if low else None, self.number(f"high.{name}") if high else None
+                )  # fmt: skip
+        uncertain: dict[str, Any] = {}
+        for name in CONDITIONS:
+            if self.text(f"known.{name}") == "free":
+                uncertain[name] = None
+            elif self.text(f"known.{name}") == "prior":
+                uncertain[name] = self.number(f"relative.{name}") / 100
+        asked |= {"fix": fix, "bounds": bounds, "tie": tie, "local": local, "uncertain": uncertain}
+        asked["profile"] = self.text("profile") == "on"
+        try:
+            return FitRequest.model_validate(asked)
+        except ValidationError as error:
+            found = of_validation(error.errors())
+            raise BadValue(
+                f"field {found.place}", found=found.found, expected=found.expected, remedy="Correct the field."
+            ) from None
+
+    def time(self, name: str) -> float:
+        """A dimensionless time, from a field in the unit that the form shows."""
+        factor = float(self.number("time_factor")) if self.text("time_factor") else 1.0
+        return float(self.number(name)) / (factor or 1.0)
+
+    def number(self, name: str) -> float | int:
+        """The number in a field; a decimal comma is understood."""
+        text = self.text(name).strip().replace(",", ".").replace("−", "-")
+        if not NUMBER.fullmatch(text):
+            raise BadValue(
+                f"field {name}", found=repr(text) if text else "nothing", expected="a number",
+                remedy="Write it, or choose free.",
+            )  # fmt: skip
+        value = float(text)
+        return int(value) if name in ("starts", "seed") and value.is_integer() else value
+
+
+def read(given: ImmutableMultiDict[str, Any]) -> FitForm:
+    """The form that a browser sent."""
+    fields = {name: str(value)[:200] for name, value in given.multi_items() if isinstance(value, str)}
+    traces = [str(x) for x in given.getlist("trace")][:200]
+    return FitForm(traces, fields, [str(x)[:200] for x in given.getlist("channel")][:20])
+
+
+def again(job: JobRow) -> list[tuple[str, str]]:
+    """The fields that ask for a job once more, for a link to the form."""
+    asked: Mapping[str, Any] = job.specification
+    pairs: list[tuple[str, str]] = [("trace", trace) for trace in job.traces]
+    pairs += [("channel", name) for name in asked.get("channels") or ()]
+    pairs += [
+        (name, str(asked[name])) for name in ("loss", *CHOICES, "start", "stop", "starts", "seed") if asked.get(name)
+    ]
+    for name, value in (asked.get("fix") or {}).items():
+        pairs += [(f"role.{name}", "fixed"), (f"value.{name}", f"{value:.10g}")]
+    for name, text in (asked.get("tie") or {}).items():
+        pairs += [(f"role.{name}", "tied"), (f"tie.{name}", text)]
+    pairs += [(f"role.{name}", "local") for name in asked.get("local") or ()]
+    for name, (low, high) in (asked.get("bounds") or {}).items():
+        pairs += [(f"low.{name}", f"{low:.10g}")] if low is not None else []
+        pairs += [(f"high.{name}", f"{high:.10g}")] if high is not None else []
+    for name, value in (asked.get("uncertain") or {}).items():
+        pairs.append((f"known.{name}", "free" if value is None else "prior"))
+        pairs += [] if value is None else [(f"relative.{name}", f"{100 * value:.6g}")]
+    return [*pairs, ("profile", "on")] if asked.get("profile") else pairs
+
+
+def python(job: JobRow, names: Sequence[str], found: Specification | None) -> str:
+    """The same fit as a program.
+
+    Args:
+        job: What was asked.
+        names: Of the files.
+        found: What the library made of it: the loss and the channels.
+    """
+    asked = dict(job.specification)
+    profile = asked.pop("profile", False)
+    if found is not None:
+        asked |= {"loss": found.loss, "channels": list(found.channels or ())}
+    options = []
+    for name, value in sorted(asked.items(), key=lambda pair: pair[0] not in ("loss", "channels")):
+        if name == "bounds":
+            pairs = ", ".join(f"{key!r}: ({_end(low, '-')}, {_end(high, '')})" for key, (low, high) in value.items())
+            options.append(f"bounds={{{pairs}}}")
+        elif name == "priors":
+            pairs = ", ".join(
+                f"{key!r}: js.calibration.Prior({one['mean']!r}, {one['sigma']!r})" for key, one in value.items()
+            )
+            options.append(f"priors={{{pairs}}}")
+        else:
+            options.append(f"{name}={value!r}")
+    files = ", ".join(repr(name) for name in names)
+    lines = ["import jshell as js", "", f"traces = [js.io.read_trace(name) for name in [{files}]]"]
+    lines += ["result = js.calibration.fit_trajectories(", "    traces,", *(f"    {one}," for one in options), ")"]
+    lines.append("print(result)")
+    return "\n".join([*lines, "print(result.profile().report())"] if profile else lines) + "\n"
+
+
+def _end(value: float | None, sign: str) -> str:
+    return f"float('{sign}inf')" if value is None else repr(value)

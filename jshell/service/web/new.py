@@ -1,0 +1,277 @@
+"""The page of a new fit: files in, what was found in them, what is to be fitted."""
+
+from collections.abc import Sequence
+from pathlib import PurePath
+from typing import Any, no_type_check
+
+import numpy as np
+from fastapi import APIRouter, Request, Response, UploadFile
+from fastapi.responses import HTMLResponse, RedirectResponse
+from starlette.concurrency import run_in_threadpool
+
+from jshell.errors import BadFile, BadUnits, BadValue, JshellError
+from jshell.io.headers import SI_KEYS
+from jshell.quantities import QUANTITIES
+from jshell.service.jobs import fit_specification, packed
+from jshell.service.preview import Preview, preview
+from jshell.service.reading import ROOM, Look, conditions_of, example, look, looked, with_conditions
+from jshell.service.safety import clean_name
+from jshell.service.state import Here, Service
+from jshell.service.web import drawing, series
+from jshell.service.web.forms import CONDITIONS, MODAL, STRICT, SYMBOLS, FitForm, read
+from jshell.service.web.templates import shown
+
+router = APIRouter(include_in_schema=False, default_response_class=HTMLResponse)
+EXAMPLE = "attached_R_HW.csv"
+REDUCED = ("d_hat", "P0_hat", "Pext_hat", "eta_hat")
+SHARED = ("kappa", "nu")
+MOST_FILES = 200
+_SI_WORDS = {
+    "R0_m": "radius R₀ [m]",
+    "d_m": "thickness d [m]",
+    "E_Pa": "Young's modulus E [Pa]",
+    "P0_Pa": "gas pressure P₀ [Pa]",
+    "Pext_Pa": "outer pressure Pₑₓₜ [Pa]",
+    "rho_f_kg_m3": "density of the liquid ρ [kg/m³]",
+    "eta_f_Pa_s": "viscosity of the liquid η [Pa s]",
+}
+
+
+@router.get("/fits/new")
+def form(request: Request, here: Here) -> Response:
+    """Where files are handed in; and, with traces chosen, the form of the fit."""
+    asked = read(request.query_params)
+    if not asked.traces:
+        return shown(request, "upload.html", {"error": None, "limit": here.settings.upload})
+    return configured(request, here, asked, 200)
+
+
+@router.get("/fits/new/preview.svg")
+def drawn(request: Request, here: Here) -> Response:
+    """The preview's curves for a browser without JavaScript."""
+    asked = read(request.query_params)
+    names, looks = _looks(here, asked.traces)
+    plots = series.of_preview(_previewed(asked, looks), [one.trace for one in looks], names)
+    return Response(drawing.svg(plots), media_type="image/svg+xml")
+
+
+@router.post("/traces")
+async def upload(request: Request, here: Here) -> Response:
+    """Take files, and go on to the form, to their conditions, or, for an archive, to the batch."""
+    async with request.form(max_files=MOST_FILES) as sent:
+        files = [item for item in sent.getlist("file") if not isinstance(item, str)]
+        return await run_in_threadpool(_taken, request, here, files)
+
+
+@no_type_check  # FastAPI hands in Starlette's UploadFile where its own is announced
+def _taken(request: Request, here: Service, files: Sequence[UploadFile]) -> Response:
+    with ROOM:
+        read = [(file.filename, file.file.read()) for file in files]
+        return _kept(request, here, [(clean_name(name), content) for name, content in read if name or content])
+
+
+def _kept(request: Request, here: Service, given: Sequence[tuple[str, bytes]]) -> Response:
+    try:
+        if not given:
+            raise BadValue("file", found="none", expected="a file", remedy="Choose one first.")
+        if len(given) == 1 and is_batch(*given[0]):
+            row = here.store.add_trace(*given[0])
+            return RedirectResponse(f"/batches/{here.store.submit('batch', {}, [row.id]).job.id}", 303)
+        ids, lacking = [], []
+        for name, content in given:
+            try:
+                if look(name, content).trace.conditions is None:
+                    lacking.append(name)
+            except BadUnits:
+                lacking.append(name)  # units without conditions; what else is wrong the next page says
+            ids.append(here.store.add_trace(name, content).id)
+    except JshellError as error:
+        return shown(request, "upload.html", {"error": error, "limit": here.settings.upload}, 422)
+    chosen = "&".join(f"trace={one}" for one in ids)
+    return RedirectResponse(f"/traces/conditions?{chosen}" if lacking else f"/fits/new?{chosen}", 303)
+
+
+def is_batch(name: str, content: bytes) -> bool:
+    """Whether a file holds many traces."""
+    suffix = PurePath(name).suffix.lower()
+    return suffix == ".zip" or (suffix == ".npz" and packed(name, content) > 1)
+
+
+@router.post("/examples")
+def try_example(here: Here) -> Response:
+    """The example recording, as if it had been uploaded."""
+    row = here.store.add_trace(EXAMPLE, example(EXAMPLE).read_bytes())
+    return RedirectResponse(f"/fits/new?trace={row.id}", 303)
+
+
+@router.get("/traces/conditions")
+def ask_conditions(request: Request, here: Here) -> Response:
+    """The shell and its load, for files that do not say."""
+    return _conditions(request, here, request.query_params.getlist("trace")[:MOST_FILES], {}, None)
+
+
+@router.post("/traces/conditions")
+async def give_conditions(request: Request, here: Here) -> Response:
+    """Write the conditions into the files, and go on to the form."""
+    async with request.form() as sent:
+        fields = {key: value for key, value in sent.items() if isinstance(value, str)}
+        traces = [str(one) for one in sent.getlist("trace")][:MOST_FILES]
+    return await run_in_threadpool(_given, request, here, traces, fields)
+
+
+def _given(request: Request, here: Service, traces: list[str], fields: dict[str, str]) -> Response:
+    try:
+        numbers = {}
+        for key in (*REDUCED, *SI_KEYS, *SHARED):
+            text = fields.get(key, "").strip().replace(",", ".")
+            if text:
+                numbers[key] = FitForm([], {key: text}).number(key)
+        ids = []
+        for trace in traces:
+            row = here.store.trace(trace)
+            name, content = with_conditions(row.name, here.store.trace_content(trace), numbers)
+            if look(name, content).trace.conditions is None:
+                raise BadFile(
+                    "conditions", found="none", expected="thickness, pressures, viscosity", remedy="Fill in one column."
+                )
+            ids.append(here.store.add_trace(name, content).id)
+    except JshellError as error:
+        return _conditions(request, here, traces, fields, error)
+    return RedirectResponse("/fits/new?" + "&".join(f"trace={one}" for one in ids), 303)
+
+
+def _conditions(
+    request: Request, here: Service, traces: list[str], fields: dict[str, str], error: JshellError | None
+) -> Response:
+    rows = [here.store.trace(one) for one in traces]
+    given = {
+        "rows": rows,
+        "fields": fields,
+        "error": error,
+        "reduced": [(key, f"{QUANTITIES[key].symbol}, {QUANTITIES[key].words}") for key in REDUCED],
+        "si": list(_SI_WORDS.items()),
+        "shared": [(key, f"{QUANTITIES[key].symbol}, {QUANTITIES[key].words}") for key in SHARED],
+    }
+    return shown(request, "conditions.html", given, 200 if error is None else 422)
+
+
+@router.post("/fits")
+async def submit(request: Request, here: Here) -> Response:
+    """Hand the fit in, and go to its page; or say what is wrong, with all fields as they were."""
+    async with request.form() as sent:
+        asked = read(sent)  # pyright: ignore[reportArgumentType]
+    return await run_in_threadpool(_submitted, request, here, asked)
+
+
+def _submitted(request: Request, here: Service, asked: FitForm) -> Response:
+    try:
+        _unsay_usual_channels(here, asked)
+        wanted = asked.request()
+        job = here.store.submit("fit", fit_specification(wanted), wanted.traces).job
+    except JshellError as error:
+        asked.error = error
+        return configured(request, here, asked, 429 if error.code == "queue_full" else 422)
+    return RedirectResponse(f"/fits/{job.id}", 303)
+
+
+def _unsay_usual_channels(here: Service, asked: FitForm) -> None:
+    """Channels that the library would choose itself are not said, so that the same fit is the same job."""
+    if asked.channels:
+        looks = _looks(here, asked.traces)[1]
+        try:
+            usual = preview([one.trace for one in looks], asked.text("loss") or None).channels
+        except JshellError:
+            return
+        if set(usual) == set(asked.channels):
+            asked.channels = []
+
+
+def configured(request: Request, here: Service, asked: FitForm, status: int) -> Response:
+    """The form of a fit of chosen traces."""
+    names, looks = _looks(here, asked.traces)
+    if any(one.trace.conditions is None for one in looks):
+        chosen = "&".join(f"trace={one}" for one in asked.traces)
+        return RedirectResponse(f"/traces/conditions?{chosen}", 303)
+    found, refused = None, None
+    try:
+        found = _previewed(asked, looks)
+    except JshellError as error:
+        refused = error
+    loss = found.loss if found is not None else asked.text("loss") or looks[0].loss
+    shared = [name for name in looks[0].trace.channels if all(name in one.trace.channels for one in looks)]
+    own = STRICT if loss == "strict" else MODAL
+    given = {
+        "form": asked,
+        "traces": [_facts(id, name, one) for id, name, one in zip(asked.traces, names, looks, strict=True)],
+        "preview": found,
+        "plots": [] if found is None else series.of_preview(found, [one.trace for one in looks], names),
+        "refused": refused,
+        "loss": loss,
+        "channels": shared,
+        "parameters": [(name, *SYMBOLS[name], _begin(found, name)) for name in own],
+        "uncertain": list(CONDITIONS.items()),
+        "query": str(request.url.query) if request.method == "GET" else "&".join(f"trace={t}" for t in asked.traces),
+        "time": _time(looks),
+        "lone": len(looks) == 1 and loss == "modal" and not any(asked.role(name) == "fixed" for name in SYMBOLS),
+    }
+    return shown(request, "new.html", given, status)
+
+
+def _looks(here: Service, traces: Sequence[str]) -> tuple[list[str], list[Look]]:
+    pairs = [looked(here.store, trace) for trace in traces]
+    return [name for name, _ in pairs], [one for _, one in pairs]
+
+
+def _previewed(asked: FitForm, looks: Sequence[Look]) -> Preview:
+    fix = {
+        name: float(asked.number(f"value.{name}"))
+        for name in SYMBOLS
+        if asked.role(name) == "fixed" and asked.text(f"value.{name}")
+    }
+    ends = {name: float(asked.time(name)) for name in ("start", "stop") if asked.text(name)}
+    return preview(
+        [one.trace for one in looks],
+        asked.text("loss") or None,
+        asked.channels or None,
+        equilibrium=asked.text("equilibrium") or "plateau",
+        fix=fix,
+        **ends,
+    )
+
+
+def _time(looks: Sequence[Look]) -> tuple[str, float]:
+    """In which unit the form asks for times, and how many of it are one dimensionless unit."""
+    read = [series.reading(one.trace, "t", laboratory=one.trace.scales is not None) for one in looks]
+    if len({(one.unit, one.factor) for one in read}) > 1 or not read[0].unit:
+        return "dimensionless", 1.0
+    return read[0].unit, read[0].factor
+
+
+def _begin(found: Preview | None, name: str) -> str:
+    if found is None:
+        return "–"
+    values = [value for key, value in found.start.items() if key.partition("[")[0] == name]
+    return ", ".join(f"{value:.4g}" for value in values[:4]) + (" …" if len(values) > 4 else "") or "–"
+
+
+def _facts(id: str, name: str, found: Look) -> dict[str, Any]:
+    trace = found.trace
+    times = np.asarray(trace.times, dtype=float)
+    time = series.reading(trace, "t", laboratory=trace.scales is not None)
+    columns = [
+        {"name": one, "unit": unit, "words": QUANTITIES[one].words if one in QUANTITIES else "a channel of your own"}
+        for one, unit in found.units.items()
+    ]
+    return {
+        "id": id,
+        "name": name,
+        "samples": times.size,
+        "span": f"{time.factor * times[0]:.4g} to {time.factor * times[-1]:.4g} {time.unit or '√(ρ R₀³/E d)'}",
+        "columns": columns,
+        "conditions": [
+            (QUANTITIES[key].symbol, QUANTITIES[key].words, value)
+            for key, value in (conditions_of(trace.conditions) or {}).items()
+        ],
+        "unit": trace.scales,
+        "warnings": found.warnings,
+    }

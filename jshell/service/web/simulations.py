@@ -1,0 +1,124 @@
+"""The page of the short model with its sliders; and that of a simulator's run."""
+
+from typing import Any
+from urllib.parse import urlencode
+
+import numpy as np
+from fastapi import APIRouter, Request, Response
+from fastapi.responses import HTMLResponse, RedirectResponse
+from pydantic import ValidationError
+from starlette.concurrency import run_in_threadpool
+from starlette.datastructures import ImmutableMultiDict
+
+from jshell.errors import BadValue, JshellError
+from jshell.oscillator import SOURCE
+from jshell.service import jobs
+from jshell.service.api.simulate import answered
+from jshell.service.jobs import of_kind, simulator_specification
+from jshell.service.problems import of_validation
+from jshell.service.schemas import SimulateRequest
+from jshell.service.state import Here
+from jshell.service.web import drawing, series
+from jshell.service.web.fits import _common
+from jshell.service.web.forms import FitForm
+from jshell.service.web.templates import shown
+
+router = APIRouter(include_in_schema=False, default_response_class=HTMLResponse)
+# name, symbol, words, lowest, highest, step: the ranges of the source's simulations
+SLIDERS = (
+    ("d_hat", "d̂", "thickness over radius", 0.02, 0.3, 0.005),
+    ("P0_hat", "P̂₀", "gas pressure", 0.2, 5.0, 0.05),
+    ("Pext_hat", "P̂ₑₓₜ", "outer pressure", 0.2, 8.0, 0.01),
+    ("eta_hat", "η̂", "viscosity of the liquid", 0.0, 0.1, 0.001),
+)
+CONSTANTS = ("alpha1", "alpha2", "k_vs", "beta1")
+CHANNELS = ("V", "S", "H", "W")
+
+
+@router.get("/simulate")
+def sliders(request: Request, here: Here) -> Response:
+    """The short model of a shell."""
+    fields = dict(request.query_params)
+    asked, found, error = SimulateRequest(), None, None  # pyright: ignore[reportCallIssue]
+    try:
+        asked = _asked(request.query_params)
+        found = answered(asked)
+    except JshellError as wrong:
+        error = wrong
+    given = {
+        "asked": asked,
+        "found": found,
+        "error": error,
+        "plots": [] if found is None else series.of_answer(found),
+        "sliders": [
+            (name, symbol, words, low, high, step, fields.get(name, f"{getattr(asked, name):.6g}"))
+            for name, symbol, words, low, high, step in SLIDERS
+        ],
+        "constants": [(name, fields.get(name) or f"{float(getattr(SOURCE, name)):.5g}") for name in CONSTANTS],
+        "query": urlencode({name: text for name, text in fields.items() if text}),
+        "drop": None if found is None else _ratio(found["omega_sphere"], found["omega_minus"]),
+    }
+    return shown(request, "simulate.html", given, 200 if error is None else 422)
+
+
+@router.get("/simulate.svg")
+def drawn(request: Request) -> Response:
+    """The same curves for a browser without JavaScript."""
+    return Response(drawing.svg(series.of_answer(answered(_asked(request.query_params)))), media_type="image/svg+xml")
+
+
+@router.post("/simulations")
+async def run(request: Request, here: Here) -> Response:
+    """Hand a run of the simulator in."""
+    async with request.form() as sent:
+        fields = ImmutableMultiDict([(key, str(value)) for key, value in sent.multi_items()])
+
+    def handed_in() -> Response:
+        asked = _asked(fields)
+        job = here.store.submit("simulate", simulator_specification(asked), []).job
+        return RedirectResponse(f"/simulations/{job.id}", 303)
+
+    return await run_in_threadpool(handed_in)
+
+
+@router.get("/simulations/{id}")
+def simulation(request: Request, here: Here, id: str) -> Response:
+    """A run of the simulator: its conditions, its motion."""
+    job = of_kind(here.store, id, "simulate")
+    given = _common(here, job) | {"conditions": job.specification.get("conditions", {})}
+    if job.state == "done":
+        trace = jobs.simulated(here.store, job.id)
+        given |= {"plots": series.of_trace(trace, [one for one in CHANNELS if one in trace.channels])}
+    return shown(request, "simulation.html", given)
+
+
+@router.get("/simulations/{id}/trace.svg")
+def simulation_drawn(here: Here, id: str) -> Response:
+    """Its motion for a browser without JavaScript."""
+    trace = jobs.simulated(here.store, of_kind(here.store, id, "simulate").id)
+    plots = series.of_trace(trace, [one for one in CHANNELS if one in trace.channels])
+    return Response(drawing.svg(plots), media_type="image/svg+xml")
+
+
+def _asked(fields: Any) -> SimulateRequest:
+    """The API's request, from the form's fields.
+
+    Raises:
+        BadValue: No number, or one outside its meaning.
+    """
+    form = FitForm([], {name: str(fields[name]) for name in fields})
+    names = [name for name in SimulateRequest.model_fields if name != "model" and form.text(name)]
+    numbers = {name: form.number(name) for name in names}
+    if "elements" in numbers:
+        numbers["elements"] = int(numbers["elements"])
+    try:
+        return SimulateRequest(**numbers)  # pyright: ignore[reportArgumentType]
+    except ValidationError as error:
+        found = of_validation(error.errors())
+        raise BadValue(
+            f"field {found.place}", found=found.found, expected=found.expected, remedy="Move the slider."
+        ) from None
+
+
+def _ratio(above: float | None, below: float | None) -> float | None:
+    return None if above is None or not below or not np.isfinite(below) else above / below

@@ -1,0 +1,118 @@
+// What the page does beyond forms and links: it draws curves, moves sliders, copies text. All of it may be missing.
+(() => {
+  "use strict";
+  const root = document.documentElement;
+  root.classList.add("js");
+
+  function options(plot, width) {
+    const axis = { stroke: "#55636f", font: "12px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif" };
+    const grid = { stroke: "#e6ebef", width: 1 };
+    const ticks = { stroke: "#c3ccd4", width: 1, size: 4 };
+    const series = plot.lines.map((line) => ({
+      label: line.label,
+      stroke: line.color,
+      pxAlign: 0,
+      width: line.dots ? 0 : line.width,
+      dash: line.dash.length ? line.dash : undefined,
+      paths: line.dots ? () => null : undefined,
+      points: line.dots ? { show: true, size: 4, fill: line.color, stroke: line.color, width: 0 } : { show: false },
+    }));
+    const mark = (u) => {
+      if (plot.mark === null) return;
+      const at = u.valToPos(plot.mark, "x", true);
+      if (at < u.bbox.left || at > u.bbox.left + u.bbox.width) return;
+      u.ctx.save();
+      u.ctx.strokeStyle = "#17212b";
+      u.ctx.setLineDash([4, 4]);
+      u.ctx.beginPath();
+      u.ctx.moveTo(at, u.bbox.top);
+      u.ctx.lineTo(at, u.bbox.top + u.bbox.height);
+      u.ctx.stroke();
+      u.ctx.restore();
+    };
+    return {
+      width,
+      height: plot.height,
+      cursor: { drag: { x: true, y: false } },
+      legend: { show: false },
+      scales: { x: { time: false } },
+      axes: [
+        { ...axis, grid, ticks, label: plot.x, labelSize: 22, size: 32, space: 60 },
+        { ...axis, grid, ticks, label: plot.y, labelSize: 20, size: 58, space: 34 },
+      ],
+      series: [{ label: plot.x }, ...series],
+      hooks: { draw: [mark] },
+    };
+  }
+
+  function draw(figure) {
+    const canvas = figure.querySelector(".canvas");
+    const source = figure.querySelector("script[type='application/json']");
+    if (!canvas || !source || !window.uPlot) return;
+    const width = Math.floor(canvas.clientWidth);
+    if (canvas.firstChild) figure.dataset.drawn = "yes"; // a swap takes the mark away, not the curves
+    if (width < 50 || (canvas.firstChild && figure.drawn === source.textContent && figure.width === width)) return;
+    const plot = JSON.parse(source.textContent);
+    if (figure.chart) figure.chart.destroy();
+    canvas.replaceChildren();
+    figure.chart = new window.uPlot(options(plot, width), plot.data, canvas);
+    figure.drawn = source.textContent;
+    figure.width = width;
+    figure.dataset.drawn = "yes";
+  }
+  const drawAll = () => document.querySelectorAll("figure[data-plot]").forEach(draw);
+
+  // sliders and their numbers say the same
+  document.addEventListener("input", (event) => {
+    const it = event.target;
+    if (it.dataset && it.dataset.for) document.getElementById(it.dataset.for).value = it.value;
+    else if (it.id) {
+      const slider = document.querySelector(`input[data-for="${CSS.escape(it.id)}"]`);
+      if (slider) slider.value = it.value;
+    }
+  });
+
+  // a recording that is dropped or chosen goes up at once
+  document.querySelectorAll("form[data-upload]").forEach((form) => {
+    const zone = form.querySelector(".drop"), input = form.querySelector("input[type=file]"), said = form.querySelector("[data-said]");
+    const send = () => {
+      if (!input.files.length) return;
+      said.textContent = `Reading ${input.files.length === 1 ? input.files[0].name : input.files.length + " files"} …`;
+      form.requestSubmit();
+    };
+    input.addEventListener("change", send);
+    for (const kind of ["dragenter", "dragover"]) zone.addEventListener(kind, (e) => { e.preventDefault(); zone.classList.add("over"); });
+    for (const kind of ["dragleave", "drop"]) zone.addEventListener(kind, () => zone.classList.remove("over"));
+    zone.addEventListener("drop", (e) => { e.preventDefault(); input.files = e.dataTransfer.files; send(); });
+  });
+
+  document.addEventListener("click", (event) => {
+    const button = event.target.closest("[data-copy]");
+    if (!button) return;
+    const text = document.getElementById(button.dataset.copy).textContent;
+    const words = button.textContent;
+    const done = (ok) => {
+      button.textContent = ok ? "Copied" : "Press Ctrl+C";
+      setTimeout(() => { button.textContent = words; }, 2000);
+    };
+    if (navigator.clipboard && window.isSecureContext) navigator.clipboard.writeText(text).then(() => done(true), () => done(false));
+    else {
+      getSelection().selectAllChildren(document.getElementById(button.dataset.copy));
+      done(document.execCommand("copy"));
+    }
+  });
+
+  // the button that leaves this page must not be taken for a change of the sliders
+  document.addEventListener("htmx:before:request", (event) => {
+    const from = document.activeElement;
+    const source = event.detail && event.detail.ctx && event.detail.ctx.sourceElement;
+    if (from && from.hasAttribute("data-plain") && source && source.contains(from)) event.preventDefault();
+  });
+
+  let waiting = 0;
+  window.addEventListener("resize", () => { clearTimeout(waiting); waiting = setTimeout(drawAll, 80); });
+  document.addEventListener("htmx:after:swap", drawAll);
+  document.addEventListener("toggle", drawAll, true);
+  if (document.readyState === "loading") document.addEventListener("DOMContentLoaded", drawAll);
+  else drawAll();
+})();

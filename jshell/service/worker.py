@@ -1,0 +1,321 @@
+"""Who does the jobs: lease one, run it on the engine, say so again and again, record what came out.
+
+Every slot is a thread with an engine of its own, so that a job that has to be
+killed takes no other along. The engine is there, and everything imported,
+before a job is leased: time to start is nobody's death.
+"""
+
+import contextlib
+import hashlib
+import logging
+import os
+import platform
+import secrets
+import socket
+import threading
+import time
+from collections.abc import Callable, Mapping
+from concurrent.futures import CancelledError, Executor, Future
+from concurrent.futures import TimeoutError as NotYet
+from dataclasses import dataclass
+from pathlib import Path
+
+import jax
+
+from jshell import engines
+from jshell.engines import Processes
+from jshell.errors import BadStore, JshellError, LimitReached, StoreUnavailable, WorkerLost
+from jshell.service import tasks
+from jshell.service.settings import Settings
+from jshell.service.store import Failure, JobRow, Store
+
+log = logging.getLogger("jshell.service")
+PROGRAMS = "jax_compilation_cache_dir"
+LOOK = 0.1  # [s] between two looks at a running job
+IDLE = 0.5  # [s] between two looks for work that came from elsewhere
+BACKOFF = (0.5, 1.0, 2.0, 5.0, 10.0)  # [s] between attempts to reach an engine or the database
+
+
+class Worker:
+    """Does the jobs of a store until it is stopped.
+
+    Args:
+        settings: Engine, slots, lease and limits.
+        store: Where the jobs are.
+    """
+
+    def __init__(self, settings: Settings, store: Store) -> None:
+        self.settings, self.store = settings, store
+        self.name = f"{socket.gethostname()}:{os.getpid()}:{secrets.token_hex(3)}"
+        self.stopping = threading.Event()  # no new jobs
+        self.ending = threading.Event()  # no old ones either
+        self._slots = [_Slot(self, number) for number in range(settings.workers)]
+        self._keeper = threading.Thread(target=self._keep, name="jshell keeps leases", daemon=True)
+
+    def start(self) -> None:
+        """Begin; returns at once."""
+        if self.settings.engine != "inline":
+            _keep_programs_in(self.settings.cache)
+        self._keeper.start()
+        for slot in self._slots:
+            slot.thread.start()
+
+    def stop(self, drain: float | int = 10.0) -> None:
+        """End within `drain` seconds: jobs that are not done by then are given back, and no process is left behind."""
+        deadline = time.monotonic() + drain
+        self.stopping.set()
+        soon = threading.Timer(0.4 * drain, self.ending.set)  # what is killed has to be buried, too
+        soon.start()
+        for slot in self._slots:
+            slot.join(deadline)
+        soon.cancel()
+        self.ending.set()
+        for slot in self._slots:
+            slot.close(max(1.0, deadline - time.monotonic()))
+
+    @property
+    def busy(self) -> int:
+        """Jobs under way."""
+        return sum(slot.job is not None for slot in self._slots)
+
+    def _keep(self) -> None:
+        """Say of every running job that it is worked on; take back those whose workers have fallen silent."""
+        while not self.ending.wait(min(1.0, self.settings.lease / 5)):
+            try:
+                for slot in self._slots:
+                    slot.beat()
+                self.store.reclaim()
+            except (StoreUnavailable, BadStore) as error:
+                log.warning("the database does not answer: %s", error)
+
+
+@dataclass(frozen=True)
+class _Ended:
+    """A job that was stopped from here: what to record, or nothing where it is no longer ours."""
+
+    failure: Failure | None
+
+
+class _Slot:
+    """One job at a time."""
+
+    def __init__(self, worker: Worker, number: int) -> None:
+        self.worker, self.settings, self.store = worker, worker.settings, worker.store
+        self.owner = f"{worker.name}:{number}"
+        self.thread = threading.Thread(target=self._live, name=f"jshell slot {number}", daemon=True)
+        self.job: JobRow | None = None
+        self._lost: JobRow | None = None
+        self._engine: Executor | None = None
+        self._process: int | None = None
+
+    def beat(self) -> None:
+        """Keep the lease of the job under way; note where it is no longer ours."""
+        job = self.job
+        if job is None or job is self._lost:
+            return
+        if not self.store.heartbeat(job.id, self.owner, job.attempt, seconds=self.settings.lease):
+            self._lost = job
+
+    def join(self, deadline: float) -> None:
+        """Wait until the slot has ended."""
+        if self.thread.ident is not None:
+            self.thread.join(max(0.1, deadline - time.monotonic()))
+
+    def close(self, patience: float | int = 2.0) -> None:
+        """End the engine and its processes; what takes longer goes on by itself."""
+        engine, self._engine, self._process = self._engine, None, None
+        if engine is None:
+            return
+
+        def end() -> None:
+            try:
+                if isinstance(engine, Processes):
+                    engine.__exit__(InterruptedError, None, None)  # kills what runs
+                else:
+                    engine.shutdown(wait=False, cancel_futures=True)
+            except (OSError, RuntimeError, CancelledError) as error:
+                log.info("an engine ended badly: %s", error)
+
+        thread = threading.Thread(target=end, name="jshell ends an engine", daemon=True)
+        thread.start()
+        thread.join(patience)
+
+    def _live(self) -> None:
+        failures = 0
+        while not self.worker.stopping.is_set():
+            try:
+                if not self._is_ready():
+                    continue
+                job = self.store.lease(self.owner, self.settings.lease)
+            except (JshellError, OSError, RuntimeError, CancelledError) as error:
+                log.warning("not ready for a job: %s", error)
+                self.close()
+                self.worker.stopping.wait(BACKOFF[min(failures, len(BACKOFF) - 1)])
+                failures += 1
+                continue
+            failures = 0
+            if job is None:
+                self.store.wait_for_work(IDLE)
+                continue
+            self.job = job
+            try:
+                self._do(job)
+            except (StoreUnavailable, BadStore) as error:
+                log.warning("job %s is left to its lease: %s", job.id, error)
+            finally:
+                self.job = None
+        self.close()
+
+    def _is_ready(self) -> bool:
+        """Whether the engine answers; opens it where there is none, and waits until everything is imported.
+
+        Raises:
+            WorkerLost: Its process died.
+            JshellError: It cannot be opened.
+        """
+        if self._engine is None:
+            name = self.settings.engine
+            self._engine = engines.open("processes:1" if name == "processes" else name)
+        first = self._engine.submit(tasks.ready, self.settings.warm)
+        while not self.worker.stopping.is_set():
+            try:
+                self._process = first.result(timeout=LOOK)
+                return True
+            except NotYet:
+                continue
+        return False
+
+    def _do(self, job: JobRow) -> None:
+        """Run a leased job to its end, whatever that is."""
+        assert self._engine is not None
+        files = self.store.files(job.traces)
+        try:
+            future = self._engine.submit(tasks.run, job.kind, dict(job.specification), files)
+            ended = self._watch(job, future)
+        except (WorkerLost, OSError, RuntimeError, CancelledError) as error:
+            self._put_back(job, error)
+            return
+        except Exception as error:  # a cluster without jshell, or another one: for the log, not for the user
+            ended = _Ended(self._fault(job, repr(error)))
+        outcome = ended.failure if isinstance(ended, _Ended) else self._outcome(job, ended)
+        if outcome is None:
+            return
+        if not self._insist(lambda: self.store.finish(job.id, self.owner, job.attempt, outcome)):
+            log.info("job %s, attempt %d: came too late, and was not recorded", job.id, job.attempt)
+
+    def _put_back(self, job: JobRow, error: BaseException) -> None:
+        """After the loss of a worker: it counts against the job, unless the whole cluster was lost."""
+        died = isinstance(self._engine, Processes) or "KilledWorker" in str(error)
+        log.warning("job %s, attempt %d: %s", job.id, job.attempt, error)
+        delay = 0.0 if died else BACKOFF[1]
+        self._insist(lambda: self.store.give_back(job.id, self.owner, job.attempt, died=died, delay=delay))
+        if not isinstance(self._engine, Processes):
+            self.close()
+
+    def _watch(self, job: JobRow, future: Future) -> tasks.Answer | _Ended:
+        """Wait for a job; end it where it reaches a limit, is no longer ours, or the service ends."""
+        began = time.monotonic()
+        while True:
+            try:
+                return future.result(timeout=LOOK)
+            except NotYet:
+                if future.done():
+                    raise
+            if self.worker.ending.is_set():
+                self._end(future)
+                self._insist(lambda: self.store.give_back(job.id, self.owner, job.attempt))
+                return _Ended(None)
+            if self._lost is job:
+                self._end(future)
+                return _Ended(None)
+            reached = self._limit(time.monotonic() - began)
+            if reached is not None:
+                self._end(future)
+                return _Ended(reached)
+
+    def _limit(self, seconds: float) -> Failure | None:
+        """The limit that a job has reached, if any; only of processes, which can be killed."""
+        if not isinstance(self._engine, Processes):
+            return None
+        if seconds > self.settings.seconds:
+            return _reached("time", f"{seconds:.1f} s", f"at most {self.settings.seconds:g} s", "Fit a shorter record")
+        held = _resident(self._process)
+        if held is not None and held > self.settings.memory:
+            found, most = f"{held / 2**20:.0f} MiB", f"at most {self.settings.memory / 2**20:.0f} MiB"
+            return _reached("memory", found, most, "Fit fewer or shorter records at once")
+        return None
+
+    def _end(self, future: Future) -> None:
+        """Stop a running job: its process is killed; on a cluster it runs on, and what it delivers is refused."""
+        if isinstance(self._engine, Processes):
+            self._engine.stop(future)
+            with contextlib.suppress(NotYet, CancelledError):
+                future.exception(timeout=2.0)
+        else:
+            future.cancel()
+
+    def _insist(self, change: Callable[[], bool]) -> bool:
+        """A change of the store, tried again while the database does not answer."""
+        for pause in BACKOFF:
+            try:
+                return change()
+            except StoreUnavailable as error:
+                log.warning("the database does not answer: %s", error)
+                if self.worker.ending.wait(pause):
+                    break
+        return change()
+
+    def _outcome(self, job: JobRow, answer: tasks.Answer) -> Mapping[str, bytes] | Failure:
+        if answer.fault is not None:
+            return self._fault(job, answer.fault)
+        if answer.error is not None:
+            e = answer.error
+            return Failure(e["code"], e["place"], f"found {e['found']}; expected {e['expected']}", e["remedy"])
+        return answer.files
+
+    def _fault(self, job: JobRow, words: str) -> Failure:
+        number = secrets.token_hex(4)
+        log.error("job %s, error %s: %s", job.id, number, words)
+        return Failure(
+            "internal",
+            f"job {job.id}",
+            f"a fault of jshell itself, error {number} in the log of the service",
+            "Tell whoever keeps the service this number; the same job will fail again.",
+        )
+
+
+def _reached(what: str, found: str, most: str, advice: str) -> Failure:
+    error = LimitReached(f"{what} of a job", found=found, expected=most, remedy=f"{advice}, or raise the setting.")
+    return Failure(error.code, error.place, f"found {found}; expected {most}", error.remedy)
+
+
+def _resident(process: int | None) -> int | None:
+    """Memory that a process holds [bytes]; None where nobody tells."""
+    try:
+        return int(Path(f"/proc/{process}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    except (OSError, ValueError, IndexError):
+        return None
+
+
+def _keep_programs_in(folder: str | None) -> None:
+    """Let processes share what they compile, and keep it between runs; JAX_COMPILATION_CACHE_DIR is heeded."""
+    if folder is None:
+        if getattr(jax.config, PROGRAMS):
+            return
+        home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+        folder = str(home / "jshell" / f"programs-{_machine()}")
+    try:
+        Path(folder).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        log.warning("compiled programs are not kept: %s", error)
+        return
+    jax.config.update(PROGRAMS, folder)
+
+
+def _machine() -> str:
+    """A mark of processor and JAX: programs compiled for another one may crash here."""
+    words = platform.machine() + jax.__version__
+    table = Path("/proc/cpuinfo")
+    if table.exists():
+        words += next((line for line in table.read_text().splitlines() if line.startswith("flags")), "")
+    return hashlib.sha256(words.encode()).hexdigest()[:12]

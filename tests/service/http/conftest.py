@@ -1,0 +1,120 @@
+"""A service to ask: one in this process that only takes jobs in, and one as a user starts it."""
+
+import contextlib
+import os
+import re
+import shutil
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+import uvicorn
+
+from jshell.service.app import create_app
+from jshell.service.settings import Settings
+from jshell.service.store import Store
+
+ROOT = Path(__file__).parents[3]
+RECORDING = ROOT / "data" / "examples" / "attached_R_HW.csv"
+
+
+@contextlib.contextmanager
+def listening(settings: Settings) -> Iterator[tuple[str, Store]]:
+    """A service in a thread, without a worker: jobs wait."""
+    store = Store.open(settings.db, queue=settings.queue)
+    config = uvicorn.Config(
+        create_app(settings, store), port=0, log_level="critical", h11_max_incomplete_event_size=16384
+    )
+    server = uvicorn.Server(config)
+    thread = threading.Thread(target=server.run, daemon=True)
+    thread.start()
+    until = time.monotonic() + 30
+    while not server.started:
+        assert time.monotonic() < until, "the service did not start"
+        time.sleep(0.01)
+    port = server.servers[0].sockets[0].getsockname()[1]
+    try:
+        yield f"http://127.0.0.1:{port}", store
+    finally:
+        server.should_exit = True
+        thread.join(15)
+        store.close()
+
+
+@pytest.fixture(scope="session")
+def quiet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """Address of a service that takes jobs and does none."""
+    db = tmp_path_factory.mktemp("quiet") / "jobs.db"
+    settings = Settings(db=f"sqlite:///{db}", warm=False, queue=100_000, upload=2**20)
+    with listening(settings) as (address, _):
+        yield address
+
+
+@pytest.fixture
+def http(quiet: str) -> Iterator[httpx.Client]:
+    with httpx.Client(base_url=quiet, timeout=30, trust_env=False) as client:
+        yield client
+
+
+@pytest.fixture(scope="session")
+def recording(quiet: str) -> str:
+    """Identifier of the example recording, uploaded."""
+    with RECORDING.open("rb") as file:
+        response = httpx.post(f"{quiet}/api/v1/traces", files={"file": (RECORDING.name, file)}, timeout=30)
+    assert response.status_code == 201, response.text
+    return response.json()["id"]
+
+
+@pytest.fixture(scope="session")
+def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """Address of a service started by the one command, with a worker."""
+    folder = tmp_path_factory.mktemp("served")
+    log = folder / "log"
+    command = [
+        sys.executable,
+        "-m",
+        "jshell",
+        "serve",
+        "--port",
+        "0",
+        "--cold",
+        "--db",
+        f"sqlite:///{folder / 'jobs.db'}",
+    ]
+    with log.open("wb") as out:
+        process = subprocess.Popen(command, stdout=out, stderr=subprocess.STDOUT, env=os.environ | {"JSHELL_TOKEN": ""})
+    try:
+        until = time.monotonic() + 90
+        while (found := re.search(r"http://\S+", log.read_text())) is None or not _answers(found[0]):
+            assert process.poll() is None, log.read_text()
+            assert time.monotonic() < until, log.read_text()
+            time.sleep(0.1)
+        yield found[0]
+    finally:
+        process.terminate()
+        try:
+            process.wait(25)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait(10)
+
+
+def _answers(address: str) -> bool:
+    try:
+        return httpx.get(f"{address}/healthz", timeout=5, trust_env=False).status_code == 200
+    except httpx.TransportError:
+        return False
+
+
+@pytest.fixture(scope="session")
+def chromium() -> str:
+    """Where Debian's browser is."""
+    found = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+    if found is None:
+        pytest.skip("no chromium: apt-get install chromium")
+    return found

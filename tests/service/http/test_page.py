@@ -1,0 +1,233 @@
+"""The page in a browser, from the one command on: a recording in, a fit with its picture and its numbers out.
+
+One service and one fit serve the browser, the client and the API, for starting and compiling cost most.
+"""
+
+from collections.abc import Iterator
+
+import httpx
+import pytest
+from playwright.sync_api import expect, sync_playwright
+
+import jshell
+from jshell.errors import BadName, BadValue
+
+from .conftest import RECORDING
+
+PATIENT = 120_000  # [ms] for a first fit, which compiles
+BROKEN = b"t,V\n0,3.0\n1,nan\n2,3.1\n"
+
+
+@pytest.fixture(scope="module")
+def browser(chromium: str) -> Iterator:
+    with sync_playwright() as play:
+        opened = play.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        yield opened
+        opened.close()
+
+
+@pytest.fixture
+def page(browser, served) -> Iterator:
+    """A page that must not complain."""
+    context = browser.new_context(base_url=served, viewport={"width": 1280, "height": 900})
+    opened = context.new_page()
+    opened.set_default_timeout(20_000)
+    complaints: list[str] = []
+    opened.on("pageerror", lambda error: complaints.append(str(error)))
+    opened.on("console", lambda line: complaints.append(line.text) if line.type == "error" else None)
+    yield opened
+    context.close()
+    expected = ("status of 422", "status of 404")
+    assert [text for text in complaints if not any(words in text for words in expected)] == []
+
+
+@pytest.fixture(scope="module")
+def fitted(served: str) -> dict:
+    """The fit that all look at, done, as the API shows it."""
+    with jshell.Client(served) as client:
+        job = client.submit(RECORDING, fix={"alpha2": 1.1}).wait(110)
+        assert job.state == "done", job
+    return httpx.get(f"{served}/api/v1/fits/{job.id}", timeout=30, trust_env=False).json()
+
+
+def test_upload_fit_picture_numbers_download(page, served, fitted, tmp_path):
+    page.goto("/")
+    page.get_by_role("link", name="New fit").first.click()
+    page.set_input_files("input[type=file]", RECORDING)  # chosen, it goes up at once
+    page.wait_for_url("**/fits/new?trace=*")
+    assert page.locator("figure[data-drawn] canvas").count() == 2  # H and W with their estimated start
+    assert page.locator("text=Heard: ω₋ ≈ 0.3998").count() == 1
+    page.locator("summary", has_text="attached_R_HW.csv").click()
+    assert page.get_by_role("cell", name="mm", exact=True).count() == 2
+
+    page.get_by_label("Role of α₂").select_option("fixed")
+    page.get_by_label("Fixed value of α₂").fill("1.1")
+    page.keyboard.press("Tab")
+    expect(page.locator('td[data-label="Estimated start"]').first).to_have_text("5.51", timeout=20_000)  # it follows
+    expect(page.locator("figure[data-drawn] canvas")).to_have_count(2)
+    page.get_by_role("button", name="Fit", exact=True).click()
+    page.wait_for_selector("#chi", timeout=PATIENT)
+    page.wait_for_selector("figure[data-drawn] canvas")
+    assert page.locator("figure[data-drawn] canvas").count() == 4  # fit and residual of both
+
+    result = fitted["result"]
+    assert page.url.endswith(fitted["id"])  # the same data and options are the same job
+    shown = {
+        cell.get_attribute("data-name"): float(cell.get_attribute("data-value"))
+        for cell in page.locator("td[data-name]").all()
+    }
+    for row in (*result["estimates"], *result["derived"]):
+        if row["role"] != "nuisance":
+            assert shown[row["name"]] == row["value"], row["name"]
+    assert page.locator("#chi").inner_text() == f"{result['chi_square']:.6g}"
+    assert page.locator("#outcome").inner_text().startswith("ok")
+
+    with page.expect_download() as wanted:
+        page.get_by_role("link", name="Record (.json)").click()
+    wanted.value.save_as(tmp_path / "record.json")
+    record = jshell.load(tmp_path / "record.json")
+    assert {one.name: one.value for one in record.estimates} == {
+        row["name"]: row["value"] for row in result["estimates"]
+    }
+    with page.expect_download() as wanted:
+        page.get_by_role("link", name="Table (.csv)").click()
+    wanted.value.save_as(tmp_path / "table.csv")
+    assert f"alpha1,{record['alpha1'].value!r}" in (tmp_path / "table.csv").read_text()
+
+
+def test_the_python_shown_asks_for_the_same_fit(page, fitted, monkeypatch):
+    page.goto(f"/fits/{fitted['id']}")
+    program = page.locator("#python").inner_text()
+    asked: dict = {}
+    monkeypatch.setattr(jshell.io, "read_trace", lambda name: name)
+    monkeypatch.setattr(
+        jshell.calibration, "fit_trajectories", lambda traces, **given: asked.update(given, traces=traces)
+    )
+    exec(program, {})
+    assert asked["traces"] == [RECORDING.name]
+    assert asked["fix"] == {"alpha2": 1.1}
+    assert asked["loss"] == "modal"
+    page.get_by_role("button", name="Copy as Python").click()
+    page.get_by_role("button", name="Copied").wait_for()
+
+
+def test_a_bad_recording_is_refused_in_words(page):
+    page.goto("/fits/new")
+    page.set_input_files("input[type=file]", {"name": "broken.csv", "mimeType": "text/csv", "buffer": BROKEN})
+    alert = page.get_by_role("alert")
+    alert.wait_for()
+    words = alert.inner_text()
+    assert "broken.csv, row 3, column `V`" in words
+    assert "nan" in words
+
+
+def test_a_recording_without_conditions_is_asked_for_them(page):
+    page.goto("/fits/new")
+    plain = RECORDING.read_text().split("t [ms]")[1]
+    page.set_input_files(
+        "input[type=file]", {"name": "bare.csv", "mimeType": "text/csv", "buffer": f"t [ms]{plain}".encode()}
+    )
+    page.wait_for_url("**/traces/conditions?trace=*")
+    numbers = {"radius": "0.0225", "thickness d": "4.95e-3", "Young": "5e5", "gas pressure P₀": "99000"}
+    numbers |= {"outer pressure Pₑₓₜ": "178200", "density": "1260", "viscosity of the liquid η": "1,06"}
+    for label, text in numbers.items():
+        page.get_by_label(label).fill(text)
+    page.get_by_role("button", name="Go on").click()
+    page.wait_for_url("**/fits/new?trace=*")
+    assert page.locator("figure[data-drawn] canvas").count() == 2
+
+
+def test_the_sliders_move_the_numbers(page):
+    page.goto("/simulate")
+    before = page.locator("#slow").inner_text()
+    slider = page.locator("input[data-for=Pext_hat]")
+    slider.evaluate("e => { e.value = 2.4; e.dispatchEvent(new Event('input', {bubbles: true})); }")
+    expect(page.locator("#slow")).not_to_have_text(before, timeout=20_000)
+    assert page.locator("#Pext_hat").input_value() == "2.4"
+    page.wait_for_selector("figure[data-drawn] canvas")
+    assert float(page.locator("#slow").inner_text()) > float(before)  # a higher load, a stiffer gas
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+def test_no_page_is_wider_than_its_window_and_every_field_has_a_name(browser, served, fitted, width):
+    context = browser.new_context(base_url=served, viewport={"width": width, "height": 900})
+    page = context.new_page()
+    trace = fitted["traces"][0]
+    for path in (
+        "/",
+        "/fits/new",
+        f"/fits/new?trace={trace}",
+        f"/fits/{fitted['id']}",
+        "/simulate",
+        "/api",
+        "/nothing",
+    ):
+        page.goto(path)
+        assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth"), path
+        nameless = page.evaluate(
+            "[...document.querySelectorAll('input:not([type=hidden]), select, button, a')]"
+            ".filter(e => !(e.labels && e.labels.length) && !e.getAttribute('aria-label') && !e.textContent.trim())"
+            ".map(e => e.outerHTML)"
+        )
+        assert nameless == [], path
+        assert page.locator("h1").count() == 1, path
+        assert page.locator("html[lang=en]").count() == 1
+    page.goto("/")
+    page.keyboard.press("Tab")
+    assert page.evaluate("document.activeElement.textContent") == "Skip to the content"
+    context.close()
+
+
+def test_without_javascript_the_forms_post_and_the_curves_are_pictures(browser, served, fitted):
+    context = browser.new_context(base_url=served, java_script_enabled=False)
+    page = context.new_page()
+    page.goto(f"/fits/new?trace={fitted['traces'][0]}")
+    assert page.locator("noscript img, figure img").first.is_visible()
+    page.get_by_label("Role of α₂").select_option("fixed")
+    page.get_by_label("Fixed value of α₂").fill("1,1")  # a decimal comma
+    page.get_by_role("button", name="Fit", exact=True).click()
+    page.wait_for_url("**/fits/*")
+    assert page.url.endswith(fitted["id"])
+    picture = page.locator("figure img").first
+    assert picture.is_visible()
+    assert picture.evaluate("e => e.naturalWidth") > 100
+    page.goto("/simulate?d_hat=0.08&P0_hat=0.9&Pext_hat=1.2&eta_hat=0.01")
+    assert page.locator("#slow").inner_text() == "0.8243"
+    context.close()
+
+
+def test_a_wrong_field_comes_back_with_all_others_as_they_were(page, fitted):
+    page.goto(f"/fits/new?trace={fitted['traces'][0]}")
+    page.get_by_label("Lowest α₁").fill("5")
+    page.get_by_label("Highest α₁").fill("4")
+    page.get_by_role("button", name="Fit", exact=True).click()
+    page.get_by_role("alert").first.wait_for()
+    assert "below the highest" in page.get_by_role("alert").first.inner_text()
+    assert page.get_by_label("Lowest α₁").input_value() == "5"
+
+
+def test_the_client_gives_the_librarys_own_objects(served, fitted):
+    with jshell.Client(served) as client:
+        result = client.fit(RECORDING, fix={"alpha2": 1.1}, seconds=100)
+        assert isinstance(result, jshell.FitResult)
+        assert result["alpha1"].value == next(
+            r["value"] for r in fitted["result"]["estimates"] if r["name"] == "alpha1"
+        )
+        assert "alpha1" in result.report()
+        assert client.job(fitted["id"]).over
+        with pytest.raises(BadValue, match="alpha9"):
+            client.submit(RECORDING, fix={"alpha9": 1.0})
+        with pytest.raises(BadName, match="strict loss"):
+            client.fit(RECORDING, loss="strict", seconds=60)
+
+
+def test_a_running_fit_is_cancelled_from_its_page(page, served):
+    page.goto("/")
+    with jshell.Client(served) as client:
+        job = client.submit(RECORDING, profile=True, seed=77)  # a profile compiles for long
+        page.goto(f"/fits/{job.id}")
+        page.get_by_role("button", name="Cancel").click()
+        page.wait_for_selector(".badge.cancelled")
+        assert client.job(job.id).state == "cancelled"
+        page.get_by_role("link", name="Fit again with changes").click()
+        assert page.locator("input[name=profile]").is_checked()

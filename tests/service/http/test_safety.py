@@ -1,0 +1,154 @@
+"""Who may ask, by what name, how much; and what leaves the house."""
+
+import socket
+import time
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import httpx
+import pytest
+
+from jshell.errors import BadValue
+from jshell.service.safety import attachment, check_open, clean_name, neutral, neutral_csv
+from jshell.service.settings import Settings
+
+from .conftest import RECORDING, listening
+
+TOKEN = "a-long-random-token-of-the-group"
+
+
+def test_another_host_is_refused(http):
+    for host in ("evil.example", "127.0.0.1.evil.example", "", "localhost:80:80", "127.0.0.1@evil.example"):
+        answer = http.get("/healthz", headers={"Host": host})
+        assert answer.status_code in (400, 421), host
+    assert http.get("/healthz", headers={"Host": "localhost:1234"}).status_code == 200
+    assert http.get("/api/v1/fits", headers={"Host": "evil.example"}).json()["code"] == "wrong_host"
+
+
+def test_another_sites_page_can_change_nothing_and_read_nothing(http, quiet, recording):
+    asked = {"traces": [recording], "seed": 301}
+    for headers in ({"Origin": "https://evil.example"}, {"Sec-Fetch-Site": "cross-site"}, {"Origin": "null"}):
+        answer = http.post("/api/v1/fits", json=asked, headers=headers)
+        assert answer.status_code == 403, headers
+        assert answer.json()["code"] == "cross_site"
+    assert http.post("/api/v1/fits", json=asked, headers={"Origin": quiet}).status_code == 202
+    asked_before = http.options(
+        "/api/v1/fits", headers={"Origin": "https://evil.example", "Access-Control-Request-Method": "POST"}
+    )
+    read = http.get("/api/v1/fits", headers={"Origin": "https://evil.example"})
+    for answer in (asked_before, read):
+        assert not [name for name in answer.headers if name.startswith("access-control")]
+    assert read.headers["cross-origin-resource-policy"] == "same-origin"
+
+
+def test_pages_carry_the_headers_that_hold_scripts_back(http):
+    headers = http.get("/").headers
+    assert "default-src 'self'" in headers["content-security-policy"]
+    assert "unsafe" not in headers["content-security-policy"]
+    assert headers["x-content-type-options"] == "nosniff"
+    assert headers["x-frame-options"] == "DENY"
+
+
+def test_a_body_above_the_limit_is_refused_whether_it_says_so_or_not(http):
+    large = bytes(2**20 + 1)
+    told = http.post("/api/v1/traces", content=large, headers={"Content-Type": "application/octet-stream"})
+    assert told.status_code == 413
+    assert told.json()["code"] == "too_large"
+
+    def pieces(first: bytes = b""):
+        yield first
+        for _ in range(40):
+            yield bytes(65536)
+
+    part = b'--x\r\nContent-Disposition: form-data; name="file"; filename="a.csv"\r\n\r\n'
+    chunked = http.post(
+        "/api/v1/traces", content=pieces(part), headers={"Content-Type": "multipart/form-data; boundary=x"}
+    )
+    assert chunked.status_code == 413, chunked.text
+    as_json = http.post("/api/v1/fits", content=pieces(), headers={"Content-Type": "application/json"})
+    assert as_json.status_code == 413, as_json.text
+    assert http.get("/healthz").status_code == 200
+
+
+def test_a_body_that_does_not_arrive_is_given_up(tmp_path: Path):
+    settings = Settings(db=f"sqlite:///{tmp_path / 'jobs.db'}", warm=False, arrival=0.3)
+    with (
+        listening(settings) as (address, _),
+        socket.create_connection(("127.0.0.1", urlsplit(address).port), 10) as line,
+    ):
+        line.sendall(b"POST /api/v1/fits HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n")
+        line.sendall(b"Content-Length: 100\r\n\r\n{")
+        begun = time.monotonic()
+        answer = line.recv(4096)
+        assert b"408" in answer.split(b"\r\n")[0]
+        assert time.monotonic() - begun < 5
+
+
+def test_a_giant_header_is_refused_and_the_service_goes_on(http, quiet):
+    with socket.create_connection(("127.0.0.1", urlsplit(quiet).port), 10) as line:
+        line.sendall(b"GET / HTTP/1.1\r\nHost: localhost\r\nX: " + b"a" * 200_000)
+        answer = line.recv(4096)
+    assert answer == b"" or b"400" in answer.split(b"\r\n")[0]
+    assert http.get("/healthz").status_code == 200
+
+
+def test_a_token_is_asked_for_everywhere_but_at_the_door(tmp_path: Path):
+    settings = Settings(db=f"sqlite:///{tmp_path / 'jobs.db'}", warm=False, token=TOKEN)
+    with listening(settings) as (address, _), httpx.Client(base_url=address, timeout=30, trust_env=False) as http:
+        assert http.get("/healthz").status_code == 200
+        refused = http.get("/api/v1/fits")
+        assert refused.status_code == 401
+        assert refused.headers["www-authenticate"].startswith("Bearer")
+        for path in ("/metrics", "/openapi.json", "/api/v1/traces"):
+            assert http.get(path, headers={"Authorization": "Bearer wrong"}).status_code == 401, path
+        assert http.get("/api/v1/fits", headers={"Authorization": f"Bearer {TOKEN}"}).status_code == 200
+
+        away = http.get("/simulate")
+        assert away.status_code == 303
+        assert away.headers["location"] == "/login?next=/simulate"
+        assert http.post("/login", data={"token": "wrong"}).status_code == 401
+        entered = http.post("/login", data={"token": TOKEN, "next": "https://evil.example/"})
+        assert entered.headers["location"] == "/"
+        cookie = entered.headers["set-cookie"].lower()
+        assert "httponly" in cookie
+        assert "samesite=strict" in cookie
+        assert http.get("/").status_code == 200
+        assert TOKEN not in http.get("/").text
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "192.168.1.2", "::"])
+def test_an_open_address_needs_a_token_that_is_not_guessed(host):
+    with pytest.raises(BadValue, match="JSHELL_TOKEN"):
+        check_open(Settings(host=host))
+    with pytest.raises(BadValue, match="at least 16"):
+        check_open(Settings(host=host, token="short"))
+    check_open(Settings(host=host, token=TOKEN))
+    check_open(Settings())
+
+
+def test_names_are_escaped_wherever_they_are_shown(http):
+    name = "<img src=x onerror=alert(1)>&\"'.csv"
+    sent = http.post("/api/v1/traces", files={"file": (name, RECORDING.read_bytes() + b"\n")})
+    trace = sent.json()["id"]
+    job = http.post("/api/v1/fits", json={"traces": [trace], "seed": 302}).json()["id"]
+    for path in ("/", f"/fits/{job}", f"/fits/new?trace={trace}"):
+        text = http.get(path).text
+        assert "<img src=x" not in text, path
+        assert "&lt;img" in text, path
+    assert "<script>" not in http.get("/fits/new?trace=<script>alert(1)</script>").text
+    assert "<b>" not in http.get("/problems/<b>x").text
+
+
+def test_cells_that_a_spreadsheet_would_run_become_text():
+    for cell in ("=1+1", "+1+cmd", "-2+3", "@SUM(A1)", "\t=1", " =1", "\r=1"):
+        assert neutral(cell).startswith("'"), cell
+    for cell in ("-1.5", "+2e-3", "alpha1", "3", "1e5", ""):
+        assert neutral(cell) == cell
+    assert neutral_csv(b'name,value\n"=cmd, x",-1.5\n') == b'name,value\n"\'=cmd, x",-1.5\n'
+
+
+def test_names_of_downloads_stay_on_one_line():
+    assert "\n" not in attachment(clean_name('a\r\nSet-Cookie: x="y".csv'))
+    assert clean_name("..") == "trace"
+    assert clean_name(None) == "trace"
+    assert clean_name("dir/été \u2066x.csv") == "été x.csv"

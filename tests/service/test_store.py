@@ -1,0 +1,282 @@
+"""The store, the same on SQLite and PostgreSQL: accepted means kept, finished means once."""
+
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+import sqlalchemy as sa
+
+from jshell.errors import BadName, BadStore, BadValue, KeyConflict, NotFound, QueueFull
+from jshell.service import store as stores
+from jshell.service import tables
+from jshell.service.store import Failure, Store
+
+WRONG = Failure("bad_value", "here", "found 1; expected 2", "Try 2.")
+
+
+def asked(store: Store, number: int = 0, key: str | None = None):
+    return store.submit("simulate", {"number": number}, [], key)
+
+
+def at_once(count: int, call) -> list:
+    """Results of a call made by many threads in the same moment."""
+    gate = threading.Barrier(count)
+
+    def one(number):
+        gate.wait(30)
+        return call(number)
+
+    with ThreadPoolExecutor(count) as pool:
+        return list(pool.map(one, range(count)))
+
+
+def test_an_upload_is_kept_once_by_content_and_suffix(store):
+    first = store.add_trace("a.csv", b"t,V\n")
+    assert store.add_trace("again.CSV", b"t,V\n") == first
+    assert store.add_trace("a.json", b"t,V\n").id != first.id
+    assert store.trace(first.id) == first
+    assert store.trace_content(first.id) == b"t,V\n"
+    assert (first.name, first.size) == ("a.csv", 4)
+    with pytest.raises(NotFound, match="no such trace"):
+        store.trace_content("nothing")
+
+
+def test_lists_are_paged_from_the_newest(store):
+    names = [store.add_trace(f"{number}.csv", bytes([number])).id for number in range(5)]
+    assert [row.id for row in store.traces(limit=2)] == names[:2:-1]
+    assert [row.id for row in store.traces(limit=9, before=names[2])] == names[1::-1]
+    made = [asked(store, number).job.id for number in range(5)]
+    assert [row.id for row in store.jobs(limit=2)] == made[:2:-1]
+    assert [row.id for row in store.jobs(before=made[2])] == made[1::-1]
+    assert store.jobs("done") == []
+    for call in (lambda: store.jobs(before="nothing"), lambda: store.traces(before="nothing")):
+        with pytest.raises(NotFound):
+            call()
+    with pytest.raises(BadName, match="queued, running, done"):
+        store.jobs("lost")
+
+
+def test_a_job_from_acceptance_to_result(store):
+    trace = store.add_trace("a.csv", b"content")
+    made = store.submit("fit", {"seed": 1, "fix": {"alpha1": 3.6}}, [trace.id])
+    assert made.created
+    assert made.job.state == "queued"
+    leased = store.lease("me", 15)
+    assert leased.id == made.job.id
+    assert (leased.state, leased.attempt, leased.owner) == ("running", 1, "me")
+    assert leased.specification == {"seed": 1, "fix": {"alpha1": 3.6}}
+    assert leased.traces == (trace.id,)
+    assert store.lease("you", 15) is None
+    assert store.heartbeat(leased.id, "me", 1, progress=0.5)
+    assert store.job(leased.id).progress == 0.5
+    assert store.finish(leased.id, "me", 1, {"record.json": b"{}", "table.csv": b"\x00\xff"})
+    ended = store.job(leased.id)
+    assert (ended.state, ended.progress, ended.error) == ("done", 1.0, None)
+    assert ended.created <= ended.started <= ended.finished
+    assert store.result(leased.id, "table.csv") == b"\x00\xff"
+    assert store.result_names(leased.id) == ("record.json", "table.csv")
+    assert store.counts() == {"queued": 0, "running": 0, "done": 1, "failed": 0, "cancelled": 0}
+    assert store.healthy()
+    with pytest.raises(NotFound, match=r"record\.json, table\.csv"):
+        store.result(leased.id, "other")
+    with pytest.raises(NotFound, match="no such job"):
+        store.result("nothing", "record.json")
+
+
+def test_what_cannot_be_asked_is_refused(store):
+    with pytest.raises(BadName, match="fit, batch, simulate"):
+        store.submit("exec", {}, [])
+    with pytest.raises(BadValue, match="JSON"):
+        store.submit("fit", {"x": float("nan")}, [])
+    with pytest.raises(BadValue, match="JSON"):
+        store.submit("fit", {"x": object()}, [])
+    with pytest.raises(NotFound, match="'missing'"):
+        store.submit("fit", {}, ["missing"])
+    with pytest.raises(NotFound):
+        store.cancel("nothing")
+    assert store.jobs() == []
+
+
+def test_a_key_stands_for_one_request(store):
+    first = asked(store, 1, "k")
+    again = asked(store, 1, "k")
+    assert again.job == first.job
+    assert not again.created
+    with pytest.raises(KeyConflict, match="other than the one"):
+        asked(store, 2, "k")
+    assert len(store.jobs()) == 1
+    leased = store.lease("me", 15)
+    store.finish(leased.id, "me", 1, WRONG)
+    assert asked(store, 1, "k").job.state == "failed"  # the same request has the same answer
+
+
+def test_the_same_content_is_the_same_job_unless_it_failed(store):
+    first = asked(store).job
+    assert asked(store).job.id == first.id
+    assert asked(store, key="named").job.id == first.id
+    store.lease("me", 15)
+    store.finish(first.id, "me", 1, {})
+    assert not asked(store).created  # done
+    other = asked(store, 1).job
+    store.cancel(other.id)
+    second = asked(store, 1)
+    assert second.created
+    assert second.job.id != other.id
+    leased = store.lease("me", 15)
+    store.finish(leased.id, "me", 1, WRONG)
+    assert store.job(leased.id).error == WRONG
+    assert asked(store, 1).created
+
+
+@pytest.mark.parametrize("key", ["k", None])
+def test_fifty_submissions_at_once_make_one_job(url, key):
+    servers = [Store.open(url) for _ in range(2)]
+    found = at_once(50, lambda number: asked(servers[number % 2], 7, key))
+    assert len({one.job.id for one in found}) == 1
+    assert sum(one.created for one in found) == 1
+    assert len(servers[0].jobs()) == 1
+    for server in servers:
+        server.close()
+
+
+def test_fifty_keys_for_other_requests_conflict_at_once(url):
+    servers = [Store.open(url) for _ in range(2)]
+
+    def one(number):
+        try:
+            return asked(servers[number % 2], number % 5, "k").job.id
+        except KeyConflict:
+            return None
+
+    found = at_once(50, one)
+    assert len({name for name in found if name}) == 1
+    assert found.count(None) == 40
+    for server in servers:
+        server.close()
+
+
+def test_a_full_queue_refuses(url):
+    store = Store.open(url, queue=3)
+    for number in range(3):
+        asked(store, number)
+    with pytest.raises(QueueFull, match="3 waiting"):
+        asked(store, 3)
+    assert asked(store, 2).job.state == "queued"  # nothing new
+    store.lease("me", 15)
+    assert asked(store, 3).created
+    store.close()
+
+
+def test_every_job_is_leased_once(url):
+    servers = [Store.open(url) for _ in range(2)]
+    made = {asked(servers[0], number).job.id for number in range(60)}
+
+    def take(number):
+        found = []
+        while (job := servers[number % 2].lease(f"w{number}", 60)) is not None:
+            found.append(job.id)
+        return found
+
+    found = [name for names in at_once(8, take) for name in names]
+    assert len(found) == 60
+    assert set(found) == made
+    for server in servers:
+        server.close()
+
+
+def test_the_oldest_goes_first(store):
+    made = [asked(store, number).job.id for number in range(3)]
+    assert [store.lease("me", 15).id for _ in range(3)] == made
+
+
+def test_who_lost_the_lease_records_nothing(store):
+    job = asked(store).job
+    store.lease("slow", 0.01)
+    time.sleep(0.1)
+    assert store.reclaim() == 1
+    assert store.reclaim() == 0
+    assert not store.heartbeat(job.id, "slow", 1)
+    assert not store.finish(job.id, "slow", 1, {"a": b"late"})
+    again = store.lease("slow", 15)  # the same owner: its second attempt is not its first
+    assert again.attempt == 2
+    assert not store.finish(job.id, "slow", 1, {"a": b"late"})
+    assert not store.give_back(job.id, "slow", 1)
+    assert store.finish(job.id, "slow", 2, {"a": b"right"})
+    assert not store.finish(job.id, "slow", 2, {"a": b"twice"})
+    assert store.result(job.id, "a") == b"right"
+
+
+def test_a_heartbeat_keeps_the_lease(store):
+    job = asked(store).job
+    store.lease("me", 0.2)
+    for _ in range(4):
+        assert store.heartbeat(job.id, "me", 1, seconds=0.5)
+        time.sleep(0.1)
+        assert store.reclaim() == 0
+
+
+def test_three_deaths_end_a_job(store, monkeypatch):
+    monkeypatch.setattr(stores, "QUIET", 0.0)
+    job = asked(store).job
+    for attempt in (1, 2, 3):
+        assert store.lease("me", 15).attempt == attempt
+        assert store.give_back(job.id, "me", attempt, died=True)
+    ended = store.job(job.id)
+    assert (ended.state, ended.error.code) == ("failed", "worker_died")
+    assert "worker died" in ended.error.cause
+    assert store.lease("me", 15) is None
+    assert asked(store).created
+
+
+def test_what_was_given_back_alive_does_not_count_as_a_death(store):
+    job = asked(store).job
+    for attempt in range(1, 6):
+        assert store.lease("me", 15).attempt == attempt
+        assert store.give_back(job.id, "me", attempt)
+    assert store.job(job.id).state == "queued"
+
+
+def test_a_job_rests_after_two_deaths_and_for_a_delay(store):
+    job, other = asked(store, 0).job, asked(store, 1).job
+    for attempt in (1, 2):
+        assert store.lease("me", 15).id == job.id
+        store.give_back(job.id, "me", attempt, died=True)
+    assert store.lease("me", 15).id == other.id
+    store.give_back(other.id, "me", 1, delay=60)
+    assert store.lease("me", 15) is None
+
+
+def test_a_cancelled_job_accepts_no_result(store):
+    waiting, running = asked(store, 0).job, asked(store, 1).job
+    store.lease("me", 15)
+    leased = store.lease("me", 15)
+    assert leased.id == running.id
+    assert store.cancel(running.id).state == "cancelled"
+    assert not store.heartbeat(running.id, "me", 1)
+    assert not store.finish(running.id, "me", 1, {"a": b"late"})
+    assert store.result_names(running.id) == ()
+    assert store.finish(waiting.id, "me", 1, {})
+    assert store.cancel(waiting.id).state == "done"  # what is over stays as it is
+    queued = asked(store, 2).job
+    assert store.cancel(queued.id).finished is not None
+    assert store.lease("me", 15) is None
+
+
+def test_a_database_is_brought_up_to_date_once_and_a_later_one_refused(url):
+    opened = at_once(4, lambda _: Store.open(url))
+    with opened[0].database.reading() as connection:
+        rows = connection.execute(sa.select(tables.migrations)).all()
+    assert [row.number for row in rows] == list(range(1, len(tables.STEPS) + 1))
+    with opened[0].database.writing() as connection:
+        connection.execute(tables.migrations.insert().values(number=99, name="later", applied=0.0))
+    for one in opened:
+        one.close()
+    with pytest.raises(BadStore, match="later jshell"):
+        Store.open(url)
+
+
+@pytest.mark.parametrize("url", ["mysql://x/y", "nonsense", "sqlite://", "sqlite:///:memory:"])
+def test_an_address_that_keeps_nothing_is_refused(url):
+    with pytest.raises(BadValue, match=r"sqlite:///"):
+        Store.open(url)

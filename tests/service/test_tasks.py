@@ -1,0 +1,218 @@
+"""What jobs do, without database and processes: files in, files out."""
+
+import dataclasses
+import io as streams
+import json
+import warnings
+import zipfile
+
+import jax
+import numpy as np
+import pytest
+
+import jshell
+from jshell import calibration, io
+from jshell.calibration import BatchResult, Recordings, fit_batch
+from jshell.calibration.recordings import gathered
+from jshell.errors import BadFile, JshellError, Outcome
+from jshell.oscillator import random_shell, random_trace
+from jshell.service import batches, tasks
+from jshell.trace import Trace
+
+CONDITIONS = {"d_hat": 0.08, "P0_hat": 0.9, "Pext_hat": 1.2, "eta_hat": 0.004}
+OSCILLATOR = {"model": "oscillator", "conditions": CONDITIONS, "duration": 10.0, "every": 0.1}
+
+
+@pytest.fixture(scope="module")
+def noisy() -> Trace:
+    return random_trace(random_shell(0), 0)
+
+
+def written(trace: Trace, folder, name: str = "trace.csv") -> bytes:
+    path = folder / name
+    io.write_trace(path, trace)
+    return path.read_bytes()
+
+
+def cut(trace: Trace, count: int) -> Trace:
+    channels = {name: np.asarray(values)[:count] for name, values in trace.channels.items()}
+    return Trace(np.asarray(trace.times)[:count], channels, trace.conditions)
+
+
+def test_a_model_runs_and_its_trace_reads_back(tmp_path):
+    answer = tasks.run("simulate", OSCILLATOR, [])
+    assert answer.error is None
+    assert set(answer.files) == {"trace.json", "trace.csv", "trace.nc"}
+    expected = tasks.motion(OSCILLATOR)
+    for name, content in answer.files.items():
+        (tmp_path / name).write_bytes(content)
+        read = io.read_trace(tmp_path / name)
+        np.testing.assert_allclose(read["V"], expected["V"], rtol=1e-11)  # text has twelve digits, the others all
+    assert np.asarray(expected.times).shape == (101,)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"model": "bubble"}, "simulator or oscillator"),
+        ({"elements": 4}, "option 'elements'"),
+        ({"conditions": None}, "conditions"),
+        ({"conditions": {"d_hat": 0.2}}, "P0_hat"),
+        ({"duration": float("inf")}, "every"),
+    ],
+)
+def test_a_model_that_cannot_run_says_why(change, words):
+    answer = tasks.run("simulate", OSCILLATOR | change, [])
+    assert not answer.files
+    assert answer.error is not None
+    assert words in json.dumps(answer.error, ensure_ascii=False)
+
+
+def test_a_fault_of_our_own_is_no_error_of_the_user():
+    answer = tasks.run("simulate", OSCILLATOR | {"initial": "four"}, [])
+    assert answer.error is None
+    assert answer.fault is not None
+    assert "Traceback" in answer.fault
+
+
+def test_a_fit_is_the_librarys_own_to_the_bit(noisy, tmp_path):
+    content = written(cut(noisy, 300), tmp_path)
+    answer = tasks.run(
+        "fit", {"fix": {"k_vs": 0.23}, "bounds": {"alpha1": [1, None]}, "seed": 4}, [("my.csv", content)]
+    )
+    assert answer.error is None
+    (tmp_path / "record.json").write_bytes(answer.files["record.json"])
+    found = jshell.load(tmp_path / "record.json")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        expected = calibration.fit_trajectories(
+            io.read_trace(tmp_path / "trace.csv"), "strict", channels=("V", "S"), fix={"k_vs": 0.23},
+            bounds={"alpha1": (1.0, np.inf)}, seed=4,
+        )  # fmt: skip
+    assert found == expected
+    assert found.outcome == Outcome.OK
+    assert answer.files["report.txt"].decode() == expected.report()
+    first = answer.files["table.csv"].decode().splitlines()[1].split(",")
+    assert (first[0], float(first[1]), float(first[2])) == (
+        "alpha1", expected["alpha1"].value, expected["alpha1"].stderr,
+    )  # fmt: skip
+    assert answer.files["record.nc"].startswith(b"\x89HDF")
+
+
+def test_fits_of_many_lengths_share_their_programs(noisy, tmp_path):
+    compiled: list[str] = []
+    jax.monitoring.register_event_duration_secs_listener(
+        lambda name, _, **more: compiled.append(name) if name.endswith("backend_compile_duration") else None
+    )
+    for count in (300, 301, 399, 400, 270):
+        answer = tasks.run(
+            "fit", {"netcdf": False, "fix": {"k_vs": 0.23}}, [("a.csv", written(cut(noisy, count), tmp_path))]
+        )
+        assert answer.error is None
+        if count == 300:
+            compiled.clear()
+    assert not compiled
+
+
+def test_errors_call_a_file_by_its_owners_name(tmp_path):
+    answer = tasks.run("fit", {}, [("../camera 3.csv", b"t,V\n1,2\n")])
+    assert answer.error is not None
+    assert answer.error["place"] == "../camera 3.csv"
+    assert "tmp" not in json.dumps(answer.error)
+    answer = tasks.run(
+        "fit", {"conditions": {"d_hat": -1, "P0_hat": 0.9, "Pext_hat": 1.6}}, [("a.csv", b"t,V\n1,2\n2,3\n")]
+    )
+    assert "tmp" not in json.dumps(answer.error)
+    answer = tasks.run("fit", {"exec": "rm"}, [])
+    assert answer.error["code"] == "bad_name"
+
+
+@pytest.mark.parametrize("name", ["a.exe", "a", "a.csv\0", "a." + "x" * 300])
+def test_any_suffix_is_read_as_text(name):
+    answer = tasks.run("fit", {}, [(name, b"\xff\xfe nothing")])
+    assert answer.fault is None
+    assert answer.error["code"] == "bad_file"
+
+
+@pytest.fixture
+def short() -> Recordings:
+    """Records too short to be fitted: a result without a compilation."""
+    conditions = jshell.Reduced(*(np.full(2, x) for x in (0.22, 0.9, 1.6, 0.004, 1.4, 0.5)))
+    values = np.random.default_rng(0).normal(size=(2, 2, 20))
+    return Recordings(0.1 * np.arange(20.0), values, conditions, np.full((2, 2), 0.1), np.array([20, 19]))
+
+
+def test_records_and_results_travel_to_the_bit(short):
+    back = batches.unpack(batches.pack(short))
+    for name in ("times", "values", "sigma", "counts"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(short, name))
+    np.testing.assert_array_equal(back.conditions.viscosity, short.conditions.viscosity)
+    found = fit_batch(short)
+    again = batches.unpack_result(batches.pack_result(found))
+    assert again.absolute == found.absolute
+    assert again.free_directions == found.free_directions
+    for name in BatchResult.__dataclass_fields__:
+        np.testing.assert_array_equal(getattr(again, name), getattr(found, name))
+
+
+def test_an_upload_of_arrays_is_a_batch(short):
+    answer = tasks.run("batch", {}, [("many.npz", batches.pack(short))])
+    assert answer.error is None
+    found = batches.unpack_result(answer.files["record.npz"])
+    assert [one.word for one in found.outcomes] == ["unusable_data"] * 2
+    assert answer.files["table.csv"].decode().splitlines()[1].startswith("1,unusable_data,nan")
+
+
+def test_a_bad_file_of_an_archive_costs_its_own_row(noisy, tmp_path, monkeypatch):
+    def numbered(records, **options):
+        return dataclasses.replace(fit_batch(records, **options), n_data=np.array([40, 42]))
+
+    monkeypatch.setattr(batches, "fit_batch", numbered)
+    file = streams.BytesIO()
+    with zipfile.ZipFile(file, "w") as archive:
+        archive.writestr("in/=cmd.csv", written(cut(noisy, 20), tmp_path))
+        archive.writestr("in/b.csv", b"nonsense")
+        archive.writestr("in/c.csv", written(cut(noisy, 21), tmp_path))
+    answer = tasks.run("batch", {}, [("many.zip", file.getvalue())])
+    assert answer.error is None
+    found = batches.unpack_result(answer.files["record.npz"])
+    assert len(found) == 3
+    assert list(found.n_data) == [40, 0, 42]  # the row of the file that could not be read stands where it stood
+    lines = answer.files["table.csv"].decode().splitlines()
+    assert [line.split(",")[0] for line in lines[1:]] == ["'=cmd.csv", "b.csv", "c.csv"]  # no formula
+
+
+@pytest.mark.parametrize("content", [b"", b"PK\x03\x04 torn", b"no archive"], ids=["empty", "torn", "text"])
+@pytest.mark.parametrize("name", ["a.npz", "a.zip"])
+def test_a_damaged_archive_is_refused(name, content):
+    answer = tasks.run("batch", {}, [(name, content)])
+    assert answer.fault is None
+    assert answer.error["code"] == "bad_file"
+    with pytest.raises(BadFile):
+        batches.unpack_result(content)
+
+
+def test_pickles_are_never_opened():
+    file = streams.BytesIO()
+    np.savez(file, values=np.array([{"code": "any"}], dtype=object), times=np.zeros(3))
+    answer = tasks.run("batch", {}, [("a.npz", file.getvalue())])
+    assert answer.error["code"] == "bad_file"
+
+
+def test_a_batch_without_a_readable_trace_says_why():
+    with pytest.raises(JshellError, match=r"a\.csv"):
+        tasks.batch({}, [("a.csv", b"nonsense\n"), ("b.csv", b"nonsense\n")])
+
+
+@pytest.mark.slow
+def test_a_batch_is_the_librarys_own_to_the_bit(tmp_path):
+    traces = [random_trace(random_shell(seed), seed) for seed in range(100)]
+    file = streams.BytesIO()
+    with zipfile.ZipFile(file, "w") as archive:
+        for number, trace in enumerate(traces):
+            archive.writestr(f"{number:03}.npz", written(trace, tmp_path, "trace.npz"))
+    expected = fit_batch(traces)
+    for content, name in ((file.getvalue(), "a.zip"), (batches.pack(gathered(traces)), "a.npz")):
+        found = batches.unpack_result(tasks.run("batch", {}, [(name, content)]).files["record.npz"])
+        for field in BatchResult.__dataclass_fields__:
+            np.testing.assert_array_equal(getattr(found, field), getattr(expected, field))
