@@ -116,9 +116,13 @@ class Database:
             )
         path = Path(name)
         _refuse_network(path)
-        if path.exists():
+        try:
+            there, has_folder = path.exists(), path.parent.is_dir()
+        except OSError as error:  # a folder on the way may not be entered
+            raise self._unavailable(error.strerror or str(error)) from None
+        if there:
             self._look_inside(path)
-        elif not path.parent.is_dir():
+        elif not has_folder:
             raise self._unavailable(f"no folder {str(path.parent)!r}")
         engine = sa.create_engine(
             url, pool_size=8, max_overflow=56, connect_args={"timeout": PATIENCE, "check_same_thread": False}

@@ -8,6 +8,7 @@ import signal
 import sqlite3
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -38,12 +39,11 @@ def digest(path: Path) -> str:
 
 
 @pytest.fixture(scope="module")
-def small(tmp_path_factory) -> dict:
+def small() -> Iterator[dict]:
     """A little of everything, in one process."""
-    folder = tmp_path_factory.mktemp("small")
-    for path in (folder, *folder.parents[:2]):  # somebody else than root has to get there
-        path.chmod(0o755)
-    return ran("small", folder)
+    with tempfile.TemporaryDirectory(prefix="jshell-") as folder:  # pytest's own are closed to all but their owner,
+        Path(folder).chmod(0o755)  # and somebody else than root has to get there
+        yield ran("small", folder)
 
 
 def test_a_server_killed_around_its_answer_loses_and_doubles_nothing(small):
@@ -66,6 +66,17 @@ def test_a_full_disk_is_refused_in_words_and_recovers(small):
     assert "Free some space" in found["refused"]
     assert found["kept"]
     assert found["sound"]
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can become somebody who may not look into a folder")
+def test_a_folder_that_may_not_be_entered_is_refused_in_words():
+    with tempfile.TemporaryDirectory(prefix="jshell-") as folder:  # 0700, root's
+        try:
+            os.seteuid(65534)
+            with pytest.raises(StoreUnavailable, match="Permission denied"):
+                Store.open(f"sqlite:///{folder}/jobs.db")
+        finally:
+            os.seteuid(0)
 
 
 def test_a_folder_that_may_not_be_written_is_refused_in_words(small):
