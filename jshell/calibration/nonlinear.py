@@ -176,16 +176,14 @@ def _read(traces: list[Trace]) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool
 def _starts(times: np.ndarray, data: np.ndarray, weight: np.ndarray, conditions: list, state: RestState):
     """(unknowns, traces) from the modes of each trace, NaN where there are none; and the fastest pulsation."""
     elapsed = times - times[0]
-    on_device = jnp.asarray(elapsed)
     starts, fastest = np.full((UNKNOWNS, data.shape[2]), np.nan), 1.0
     V_e, P_e = (np.asarray(part) for part in state)
     for i, shell in enumerate(conditions):
         modes = find_modes(elapsed, data[:, :, i])
         if modes is None or not np.isfinite(V_e[i]):
             continue
-        rest = RestState(jnp.asarray(V_e[i]), jnp.asarray(P_e[i]))
-        rows = (on_device, jnp.asarray(data[:, :, i]), jnp.asarray(weight[:, i]))
-        one = Record(*rows, shell, rest, ("V", "S"), True)
+        rest = RestState(V_e[i], P_e[i])
+        one = Record(elapsed, data[:, :, i], weight[:, i], shell, rest, ("V", "S"), True)
         alpha1, alpha2, k_vs, beta1 = strict_start([one], [modes], {})
         moves = np.real(modes.amplitudes.sum(axis=1)) + modes.offsets - np.array([V_e[i], SPHERE_AREA])
         rates = np.real((modes.amplitudes * modes.poles).sum(axis=1))

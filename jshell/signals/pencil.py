@@ -90,7 +90,10 @@ def poles(
     space = np.linalg.svd(stacked, full_matrices=False)[2].T
     found = []
     for order in orders:
-        before, after = space[:-1, :order], space[1:, :order]
-        z = np.linalg.eigvals(np.linalg.lstsq(before, after, rcond=None)[0])
+        last = space[-1, :order]
+        overlap = space[:-1, :order].T @ space[1:, :order]
+        # the columns are orthonormal, so that leaving out their last row takes one dyad from their Gram matrix
+        step_on = overlap + np.outer(last, last @ overlap) / max(1 - last @ last, 1e-12)
+        z = np.linalg.eigvals(step_on)
         found.append(np.log(z[np.abs(z) > 1e-9].astype(complex)) / step)
     return found
