@@ -87,7 +87,8 @@ def poles(
     stacked = np.swapaxes(hankel, 0, 1).reshape(-1, width + 1)
     if not np.all(np.isfinite(stacked)):
         return [np.zeros(0, dtype=complex) for _ in orders]
-    space = np.linalg.svd(stacked, full_matrices=False)[2].T
+    # the triangular factor has the same right singular vectors, and the left ones of the tall matrix are not wanted
+    space = np.linalg.svd(np.linalg.qr(stacked, mode="r"), full_matrices=False)[2].T
     found = []
     for order in orders:
         last = space[-1, :order]
