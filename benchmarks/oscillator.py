@@ -27,7 +27,7 @@ from jshell.oscillator import Coefficients, add_noise, bifurcation, drive, ensem
 from jshell.oscillator.linear import propagator, state_matrix
 from jshell.shell.rest import RestState, buckled_state
 
-FITS, RIVAL_FITS = 100, 2
+FITS, RIVAL_FITS = 100, 6
 LANES, PERIODS, RIVAL_LANES = 1000, 200, 4
 SOBOL, RIVAL_SOBOL = 18432, 20
 TIMES = np.linspace(0.0, 40.0, 400)

@@ -13,13 +13,14 @@ Source     Mokbel et al. 2021: eq:Lag with eq:T, eq:Ug, eq:US, eq:D; Nielsen 199
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from jshell.calibration.least_squares import value_and_jacobian
 from jshell.calibration.records import Record, noise_of
@@ -39,7 +40,10 @@ NAMES = ("alpha1", "alpha2", "k_vs", "beta1")
 UNKNOWNS = 8
 RESOLVED = 0.12  # ω₊ h of the fixed step: 1e-5 of the motion over ten periods
 SETTLED = 1e-7  # share of χ² that the last step promised; of 800 samples it moved by a hundredth of σ, the rest less
-RUNNING = -1
+
+
+FRESH, RUNNING = -2, -1
+WIDTH = MappingProxyType({"rk4": 128, "diffrax": 16})  # traces in flight: adaptive steps wait for each other
 OPTIONS = (1e-8, 1e-10, "forward")
 
 
@@ -124,13 +128,13 @@ def fit_nonlinear(traces: Trace | Sequence[Trace], *, solver: str = "rk4", max_s
 
     usable = np.all(np.isfinite(starts), axis=0)
     spacing = float(times[-1] - times[0]) / (times.size - 1)
-    substeps = max(1, int(np.ceil(spacing * fastest / RESOLVED)))
+    substeps = max(1, int(np.ceil(spacing * fastest.max() / RESOLVED)))
     lanes = Lanes(jnp.asarray(data), jnp.asarray(weight), shells, state, jnp.asarray(spacing))
     safe = np.where(usable, starts, np.array([1.0, 0.0, 0.1, 1.0, 0.0, 0.0, 0.0, 0.0])[:, None])
-    u, cost, normal, status, count = _descend(lanes, jnp.asarray(safe), solver, substeps, max_steps)
+    queue = jnp.asarray(np.argsort(fastest))  # side by side: traces that cost the adaptive solver as many steps
+    ended = _descend(lanes, jnp.asarray(safe), queue, solver, substeps, max_steps)
     told = f"rk4, {substeps} steps a sample" if solver == "rk4" else "diffrax dopri8"
-    ended = _Ended(*(np.asarray(part) for part in (u, cost, normal, status, count)))
-    return _result(ended, usable, np.asarray(state.volume), 2 * times.size, absolute, told)
+    return _result(jax.tree.map(np.asarray, ended), usable, np.asarray(state.volume), 2 * times.size, absolute, told)
 
 
 def _read(traces: list[Trace]) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool]:
@@ -174,9 +178,9 @@ def _read(traces: list[Trace]) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool
 
 
 def _starts(times: np.ndarray, data: np.ndarray, weight: np.ndarray, conditions: list, state: RestState):
-    """(unknowns, traces) from the modes of each trace, NaN where there are none; and the fastest pulsation."""
+    """(unknowns, traces) from the modes of each trace, NaN where there are none; and the fastest pulsation of each."""
     elapsed = times - times[0]
-    starts, fastest = np.full((UNKNOWNS, data.shape[2]), np.nan), 1.0
+    starts, fastest = np.full((UNKNOWNS, data.shape[2]), np.nan), np.ones(data.shape[2])
     V_e, P_e = (np.asarray(part) for part in state)
     for i, shell in enumerate(conditions):
         modes = find_modes(elapsed, data[:, :, i])
@@ -188,7 +192,7 @@ def _starts(times: np.ndarray, data: np.ndarray, weight: np.ndarray, conditions:
         moves = np.real(modes.amplitudes.sum(axis=1)) + modes.offsets - np.array([V_e[i], SPHERE_AREA])
         rates = np.real((modes.amplitudes * modes.poles).sum(axis=1))
         starts[:, i] = [np.log(alpha1), np.log(alpha2), k_vs, np.log(max(beta1, 1e-3)), *moves, *rates]
-        fastest = max(fastest, float(np.abs(modes.poles).max()))
+        fastest[i] = max(1.0, float(np.abs(modes.poles).max()))
     return starts, fastest
 
 
@@ -251,59 +255,106 @@ def _evaluate(u: jax.Array, lanes: Lanes, solver: str, substeps: int):
     return jnp.where(sound, cost, jnp.inf), clean(g), clean(A)
 
 
+class _Search(NamedTuple):
+    """Where the descent of each lane stands: unknowns, χ², gradient, JᵀJ, and how the damping goes."""
+
+    u: Float[Array, "8 lanes"]
+    cost: Float[Array, " lanes"]
+    gradient: Float[Array, "lanes 8"]
+    normal: Float[Array, "lanes 8 8"]
+    scale: Float[Array, "lanes 8"]
+    damping: Float[Array, " lanes"]
+    growth: Float[Array, " lanes"]
+    count: Int[Array, " lanes"]
+    status: Int[Array, " lanes"]
+
+
+class _Ended(NamedTuple):
+    """Where the descent of each trace stopped."""
+
+    u: Any
+    cost: Any
+    normal: Any
+    status: Any
+    count: Any
+
+
+def _fresh(u: Float[Array, "8 lanes"]) -> _Search:
+    """A descent that has not looked at its start yet."""
+    none, square = jnp.zeros_like(u.T), jnp.zeros((u.shape[1], UNKNOWNS, UNKNOWNS))
+    like, whole = none[:, 0], jnp.zeros(u.shape[1], int)
+    return _Search(u, like + jnp.inf, none, square, none, like + 1e-3, like + 2.0, whole, whole + FRESH)
+
+
+def _improve(search: _Search, lanes: Lanes, solver: str, substeps: int, max_steps: int) -> _Search:
+    """One step of Levenberg and Marquardt's method in every lane; a fresh one looks at its start."""
+    u, cost, g, A, scale, damping, growth, count, status = search
+    fresh = status == FRESH
+    scale = jnp.maximum(scale, jnp.diagonal(A, axis1=1, axis2=2))
+    weight = jnp.where(scale > 0, scale, 1.0)
+    H = A + (damping[:, None] * weight)[:, :, None] * jnp.eye(UNKNOWNS)[None]
+    moved = -jnp.linalg.solve(H, g[:, :, None])[:, :, 0]
+    moved = jnp.where(jnp.isfinite(moved), moved, 0.0)
+    promised = -(2 * jnp.sum(g * moved, axis=1) + jnp.einsum("li,lij,lj->l", moved, A, moved))
+    trial = u + moved.T
+    new_cost, new_g, new_A = _evaluate(trial, lanes, solver, substeps)
+
+    better = (new_cost < cost) & ((promised > 0) | fresh)
+    gain = (cost - new_cost) / jnp.where(promised > 0, promised, jnp.inf)
+    eased = jnp.maximum(damping * jnp.maximum(1 / 3, 1 - (2 * gain - 1) ** 3), 1e-14)
+    settled = (promised <= SETTLED * cost) | jnp.all(jnp.abs(moved.T) <= 1e-9 * (0.1 + jnp.abs(u)), axis=0)
+    count = count + ~fresh
+    ended = jnp.where(count >= max_steps, int(Outcome.NOT_CONVERGED), RUNNING)
+    ended = jnp.where(damping > 1e14, int(Outcome.STALLED), ended)
+    ended = jnp.where(settled, int(Outcome.OK), ended)
+    ended = jnp.where(fresh, jnp.where(better, RUNNING, int(Outcome.STALLED)), ended)
+    pick = lambda new, old: jnp.where(better.reshape(-1, *(1,) * (new.ndim - 1)), new, old)  # noqa: E731
+    damping = jnp.where(fresh, damping, jnp.where(better, eased, damping * growth))
+    growth = jnp.where(better | fresh, 2.0, 2 * growth)
+    return _Search(
+        jnp.where(better, trial, u), pick(new_cost, cost), pick(new_g, g), pick(new_A, A),
+        scale, damping, growth, count, ended,
+    )  # fmt: skip
+
+
 @eqx.filter_jit
-def _descend(lanes: Lanes, start: Float[Array, "8 traces"], solver: str, substeps: int, max_steps: int):
-    """Levenberg and Marquardt's method on every trace; finished ones wait."""
+def _descend(
+    lanes: Lanes, start: Float[Array, "8 n"], queue: Int[Array, " n"], solver: str, substeps: int, max_steps: int
+) -> _Ended:
+    """Every trace to its minimum, `WIDTH` at a time: where one has ended the next in the queue takes its lane."""
+    traces = start.shape[1]
+    width = min(traces, WIDTH[solver])
 
-    def step(state):
-        u, cost, g, A, scale, damping, growth, count, status = state
-        running = status == RUNNING
-        scale = jnp.maximum(scale, jnp.diagonal(A, axis1=1, axis2=2))
-        weight = jnp.where(scale > 0, scale, 1.0)
-        H = A + (damping[:, None] * weight)[:, :, None] * jnp.eye(UNKNOWNS)[None]
-        moved = -jnp.linalg.solve(H, g[:, :, None])[:, :, 0]
-        moved = jnp.where(jnp.isfinite(moved), moved, 0.0)
-        promised = -(2 * jnp.sum(g * moved, axis=1) + jnp.einsum("li,lij,lj->l", moved, A, moved))
-        trial = u + moved.T
-        new_cost, new_g, new_A = _evaluate(trial, lanes, solver, substeps)
-        better = (new_cost < cost) & (promised > 0) & running
-        gain = (cost - new_cost) / jnp.where(promised > 0, promised, jnp.inf)
-        eased = jnp.maximum(damping * jnp.maximum(1 / 3, 1 - (2 * gain - 1) ** 3), 1e-14)
-        settled = (promised <= SETTLED * cost) | jnp.all(jnp.abs(moved.T) <= 1e-9 * (0.1 + jnp.abs(u)), axis=0)
-        ended = jnp.where(settled, int(Outcome.OK), jnp.where(damping > 1e14, int(Outcome.STALLED), RUNNING))
-        pick = lambda new, old: jnp.where(better.reshape(-1, *(1,) * (new.ndim - 1)), new, old)  # noqa: E731
-        damping = jnp.where(running, jnp.where(better, eased, damping * growth), damping)
-        growth = jnp.where(better, 2.0, 2 * growth)
-        return (
-            jnp.where(better, trial, u), pick(new_cost, cost), pick(new_g, g), pick(new_A, A),
-            scale, damping, growth, count + running, jnp.where(running, ended, status),
-        )  # fmt: skip
+    def some(who: Int[Array, " lanes"]) -> Lanes:
+        conditions, state = jax.tree.map(lambda leaf: leaf[who], (lanes.conditions, lanes.state))
+        return Lanes(lanes.data[:, :, who], lanes.weight[:, who], conditions, state, lanes.step)
 
-    cost, g, A = _evaluate(start, lanes, solver, substeps)
-    like = jnp.zeros_like(cost)
-    none = jnp.zeros(cost.shape, int)
-    first_status = jnp.where(jnp.isfinite(cost), RUNNING, int(Outcome.STALLED))
-    first = (start, cost, g, A, jnp.zeros_like(g), like + 1e-3, like + 2.0, none, first_status)
-    busy = lambda state: jnp.any(state[-1] == RUNNING) & (jnp.max(state[-2]) < max_steps)  # noqa: E731
-    u, cost, _, A, *_, count, status = jax.lax.while_loop(busy, step, first)
-    return u, cost, A, jnp.where(status == RUNNING, int(Outcome.NOT_CONVERGED), status), count
+    def step(carry):
+        search, who, called, ended = carry
+        search = _improve(search, some(jnp.minimum(who, traces - 1)), solver, substeps, max_steps)
+        over = search.status >= 0
+        row = jnp.where(over, who, traces)  # what has not ended, and lanes without a trace, write nowhere
+        found = _Ended(search.u.T, search.cost, search.normal, search.status, search.count)
+        ended = jax.tree.map(lambda all_, mine: all_.at[row].set(mine, mode="drop"), ended, found)
+        successor = called + jnp.cumsum(over) - 1
+        who = jnp.where(over, queue.at[successor].get(mode="fill", fill_value=traces), who)
+        pick = lambda new, old: jnp.where(over.reshape(-1, *(1,) * (new.ndim - 1)), new, old)  # noqa: E731
+        begun = _fresh(start[:, jnp.minimum(who, traces - 1)])
+        u = jnp.where(over, begun.u, search.u)
+        search = _Search(u, *(pick(new, old) for new, old in zip(begun[1:], search[1:], strict=True)))
+        return search, who, called + jnp.sum(over), ended
 
-
-@dataclass(frozen=True)
-class _Ended:
-    """Where the descent stopped, as NumPy arrays."""
-
-    unknowns: np.ndarray
-    cost: np.ndarray
-    normal: np.ndarray
-    status: np.ndarray
-    count: np.ndarray
+    blank = _fresh(start)
+    nowhere = _Ended(start.T, blank.cost, blank.normal, blank.status, blank.count)
+    first = (_fresh(start[:, queue[:width]]), queue[:width], jnp.asarray(width), nowhere)
+    *_, ended = jax.lax.while_loop(lambda carry: jnp.any(carry[1] < traces), step, first)
+    return ended
 
 
 def _result(
     ended: _Ended, usable: np.ndarray, volume: np.ndarray, size: int, absolute: bool, solver: str
 ) -> NonlinearFits:
-    u = ended.unknowns
+    u = ended.u.T
     alpha1, alpha2, beta1 = np.exp(np.clip(u[[0, 1, 3]], -700, 700))  # a hopeless trace may have run anywhere
     constants = np.stack([alpha1, alpha2, u[2], beta1], axis=1)
     slope = np.stack([constants[:, 0], constants[:, 1], np.ones(len(constants)), constants[:, 3]], axis=1)
