@@ -39,7 +39,9 @@ SOLVERS = ("rk4", "diffrax")
 NAMES = ("alpha1", "alpha2", "k_vs", "beta1")
 UNKNOWNS = 8
 RESOLVED = 0.12  # ω₊ h of the fixed step: 1e-5 of the motion over ten periods
-SETTLED = 1e-7  # share of χ² that the last step promised; of 800 samples it moved by a hundredth of σ, the rest less
+SETTLED = 1e-7  # share of χ² that the last step promises; of 800 samples it moves by a hundredth of σ, the rest less
+NOTHING = 1e-9  # the same of a record without noise, in σ²
+UNDAMPED = 1e-8
 
 
 FRESH, RUNNING = -2, -1
@@ -132,7 +134,7 @@ def fit_nonlinear(traces: Trace | Sequence[Trace], *, solver: str = "rk4", max_s
     lanes = Lanes(jnp.asarray(data), jnp.asarray(weight), shells, state, jnp.asarray(spacing))
     safe = np.where(usable, starts, np.array([1.0, 0.0, 0.1, 1.0, 0.0, 0.0, 0.0, 0.0])[:, None])
     queue = jnp.asarray(np.argsort(fastest))  # side by side: traces that cost the adaptive solver as many steps
-    ended = _descend(lanes, jnp.asarray(safe), queue, solver, substeps, max_steps)
+    ended = _descend(lanes, jnp.asarray(safe.T), queue, solver, substeps, max_steps)
     told = f"rk4, {substeps} steps a sample" if solver == "rk4" else "diffrax dopri8"
     return _result(jax.tree.map(np.asarray, ended), usable, np.asarray(state.volume), 2 * times.size, absolute, told)
 
@@ -256,15 +258,17 @@ def _evaluate(u: jax.Array, lanes: Lanes, solver: str, substeps: int):
 
 
 class _Search(NamedTuple):
-    """Where the descent of each lane stands: unknowns, χ², gradient, JᵀJ, and how the damping goes."""
+    """Where the descent of each lane stands: unknowns, χ², JᵀJ; where it looks next and what that promises."""
 
-    u: Float[Array, "8 lanes"]
+    u: Float[Array, "lanes 8"]
     cost: Float[Array, " lanes"]
     gradient: Float[Array, "lanes 8"]
     normal: Float[Array, "lanes 8 8"]
     scale: Float[Array, "lanes 8"]
     damping: Float[Array, " lanes"]
     growth: Float[Array, " lanes"]
+    trial: Float[Array, "lanes 8"]
+    promised: Float[Array, " lanes"]
     count: Int[Array, " lanes"]
     status: Int[Array, " lanes"]
 
@@ -279,50 +283,58 @@ class _Ended(NamedTuple):
     count: Any
 
 
-def _fresh(u: Float[Array, "8 lanes"]) -> _Search:
-    """A descent that has not looked at its start yet."""
-    none, square = jnp.zeros_like(u.T), jnp.zeros((u.shape[1], UNKNOWNS, UNKNOWNS))
-    like, whole = none[:, 0], jnp.zeros(u.shape[1], int)
-    return _Search(u, like + jnp.inf, none, square, none, like + 1e-3, like + 2.0, whole, whole + FRESH)
+def _fresh(u: Float[Array, "lanes 8"]) -> _Search:
+    """A descent that looks at its start next."""
+    none, square = jnp.zeros_like(u), jnp.zeros((*u.shape, UNKNOWNS))
+    like, whole = none[:, 0], jnp.zeros(len(u), int)
+    endless = like + jnp.inf
+    return _Search(u, endless, none, square, none, like + 1e-3, like + 2.0, u, endless, whole, whole + FRESH)
+
+
+def _solve(A: Float[Array, "lanes 8 8"], damped: Float[Array, "lanes 8"], g: Float[Array, "lanes 8"]):
+    """The damped step, and the fall of χ² that its quadratic model promises."""
+    H = A + damped[:, :, None] * jnp.eye(UNKNOWNS)[None]
+    moved = -jnp.linalg.solve(H, g[:, :, None])[:, :, 0]
+    moved = jnp.where(jnp.isfinite(moved), moved, 0.0)
+    return moved, -(2 * jnp.sum(g * moved, axis=1) + jnp.einsum("li,lij,lj->l", moved, A, moved))
 
 
 def _improve(search: _Search, lanes: Lanes, solver: str, substeps: int, max_steps: int) -> _Search:
-    """One step of Levenberg and Marquardt's method in every lane; a fresh one looks at its start."""
-    u, cost, g, A, scale, damping, growth, count, status = search
+    """One step of Levenberg and Marquardt's method in every lane; the last, which promises next to nothing, unseen."""
+    u, cost, g, A, scale, damping, growth, trial, promised, count, status = search
     fresh = status == FRESH
+    new_cost, new_g, new_A = _evaluate(trial.T, lanes, solver, substeps)
+    better = (new_cost < cost) & (promised > 0)
+    pick = lambda new, old: jnp.where(better.reshape(-1, *(1,) * (new.ndim - 1)), new, old)  # noqa: E731
+    gain = jnp.where(fresh, 0.5, (cost - new_cost) / jnp.where(promised > 0, promised, jnp.inf))
+    eased = jnp.maximum(damping * jnp.maximum(1 / 3, 1 - (2 * gain - 1) ** 3), 1e-14)
+    damping = jnp.where(better, eased, damping * growth)
+    growth = jnp.where(better, 2.0, 2 * growth)
+    u, cost, g, A = pick(trial, u), pick(new_cost, cost), pick(new_g, g), pick(new_A, A)
+
     scale = jnp.maximum(scale, jnp.diagonal(A, axis1=1, axis2=2))
     weight = jnp.where(scale > 0, scale, 1.0)
-    H = A + (damping[:, None] * weight)[:, :, None] * jnp.eye(UNKNOWNS)[None]
-    moved = -jnp.linalg.solve(H, g[:, :, None])[:, :, 0]
-    moved = jnp.where(jnp.isfinite(moved), moved, 0.0)
-    promised = -(2 * jnp.sum(g * moved, axis=1) + jnp.einsum("li,lij,lj->l", moved, A, moved))
-    trial = u + moved.T
-    new_cost, new_g, new_A = _evaluate(trial, lanes, solver, substeps)
-
-    better = (new_cost < cost) & ((promised > 0) | fresh)
-    gain = (cost - new_cost) / jnp.where(promised > 0, promised, jnp.inf)
-    eased = jnp.maximum(damping * jnp.maximum(1 / 3, 1 - (2 * gain - 1) ** 3), 1e-14)
-    settled = (promised <= SETTLED * cost) | jnp.all(jnp.abs(moved.T) <= 1e-9 * (0.1 + jnp.abs(u)), axis=0)
+    moved, promised = _solve(A, damping[:, None] * weight, g)
+    little = SETTLED * cost + NOTHING
+    settled = better & (promised <= little)
+    # a step may also be short because it is damped: then what an undamped one promises tells a minimum from a wall
+    short = (damping > 1e14) | jnp.all(jnp.abs(moved) <= 1e-9 * (0.1 + jnp.abs(u)), axis=1)
+    rest = jnp.where(_solve(A, UNDAMPED * weight, g)[1] <= little, int(Outcome.OK), int(Outcome.STALLED))
     count = count + ~fresh
     ended = jnp.where(count >= max_steps, int(Outcome.NOT_CONVERGED), RUNNING)
-    ended = jnp.where(damping > 1e14, int(Outcome.STALLED), ended)
-    ended = jnp.where(settled, int(Outcome.OK), ended)
-    ended = jnp.where(fresh, jnp.where(better, RUNNING, int(Outcome.STALLED)), ended)
-    pick = lambda new, old: jnp.where(better.reshape(-1, *(1,) * (new.ndim - 1)), new, old)  # noqa: E731
-    damping = jnp.where(fresh, damping, jnp.where(better, eased, damping * growth))
-    growth = jnp.where(better | fresh, 2.0, 2 * growth)
-    return _Search(
-        jnp.where(better, trial, u), pick(new_cost, cost), pick(new_g, g), pick(new_A, A),
-        scale, damping, growth, count, ended,
-    )  # fmt: skip
+    ended = jnp.where(settled, int(Outcome.OK), jnp.where(short, rest, ended))
+    ended = jnp.where(jnp.isfinite(cost), ended, int(Outcome.STALLED))
+    trial = u + moved
+    u = jnp.where(settled[:, None], trial, u)
+    return _Search(u, cost, g, A, scale, damping, growth, trial, promised, count, ended)
 
 
 @eqx.filter_jit
 def _descend(
-    lanes: Lanes, start: Float[Array, "8 n"], queue: Int[Array, " n"], solver: str, substeps: int, max_steps: int
+    lanes: Lanes, start: Float[Array, "n 8"], queue: Int[Array, " n"], solver: str, substeps: int, max_steps: int
 ) -> _Ended:
     """Every trace to its minimum, `WIDTH` at a time: where one has ended the next in the queue takes its lane."""
-    traces = start.shape[1]
+    traces = len(start)
     width = min(traces, WIDTH[solver])
 
     def some(who: Int[Array, " lanes"]) -> Lanes:
@@ -334,19 +346,18 @@ def _descend(
         search = _improve(search, some(jnp.minimum(who, traces - 1)), solver, substeps, max_steps)
         over = search.status >= 0
         row = jnp.where(over, who, traces)  # what has not ended, and lanes without a trace, write nowhere
-        found = _Ended(search.u.T, search.cost, search.normal, search.status, search.count)
+        found = _Ended(search.u, search.cost, search.normal, search.status, search.count)
         ended = jax.tree.map(lambda all_, mine: all_.at[row].set(mine, mode="drop"), ended, found)
         successor = called + jnp.cumsum(over) - 1
         who = jnp.where(over, queue.at[successor].get(mode="fill", fill_value=traces), who)
+        begun = _fresh(start[jnp.minimum(who, traces - 1)])
         pick = lambda new, old: jnp.where(over.reshape(-1, *(1,) * (new.ndim - 1)), new, old)  # noqa: E731
-        begun = _fresh(start[:, jnp.minimum(who, traces - 1)])
-        u = jnp.where(over, begun.u, search.u)
-        search = _Search(u, *(pick(new, old) for new, old in zip(begun[1:], search[1:], strict=True)))
+        search = jax.tree.map(pick, begun, search)
         return search, who, called + jnp.sum(over), ended
 
     blank = _fresh(start)
-    nowhere = _Ended(start.T, blank.cost, blank.normal, blank.status, blank.count)
-    first = (_fresh(start[:, queue[:width]]), queue[:width], jnp.asarray(width), nowhere)
+    nowhere = _Ended(start, blank.cost, blank.normal, blank.status, blank.count)
+    first = (_fresh(start[queue[:width]]), queue[:width], jnp.asarray(width), nowhere)
     *_, ended = jax.lax.while_loop(lambda carry: jnp.any(carry[1] < traces), step, first)
     return ended
 
