@@ -1,14 +1,25 @@
 """House rules of every test: float64, no silent rank promotion; and what many tests share.
 
 Compiling costs more than running here, so shapes and modes that several rooms
-need are computed once a session, and problems are made of arrays: a number
-that is a Python float is compiled in, an array is not.
+need are computed once a session, problems are made of arrays (a number that is
+a Python float is compiled in, an array is not), and what was compiled is kept
+in a folder for as long as the session lasts: for the other worker, and for the
+processes that tests start.
 """
 
+import atexit
 import gc
 import json
+import os
+import shutil
+import tempfile
 from pathlib import Path
 from typing import NamedTuple
+
+if "JAX_COMPILATION_CACHE_DIR" not in os.environ:  # JAX reads it when it is imported; workers inherit it
+    os.environ["JAX_COMPILATION_CACHE_DIR"] = programs = tempfile.mkdtemp(prefix="jshell-programs-")
+    os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.3")
+    atexit.register(shutil.rmtree, programs, ignore_errors=True)
 
 import equinox as eqx
 import jax
