@@ -8,6 +8,7 @@
 
 import sys
 
+import jax.numpy as jnp
 import numpy as np
 
 import jshell as js
@@ -15,6 +16,7 @@ from jshell import campaigns, dynamics
 from jshell.calibration.campaign import ShellRuns, calibrate_trajectories, deviations
 from jshell.dynamics import Losses
 from jshell.oscillator import SOURCE, Reynolds
+from jshell.oscillator.drag import reynolds_decay_time
 from jshell.plot.paper import Material, read_spheres
 from jshell.plot.paper_numbers import printed
 from jshell.signals import Signature, extract
@@ -160,6 +162,57 @@ def motions(material: Material) -> None:
         row(f"{runs.gas_pressure[k]:g}", shares, slopes, f"{mass:.2f} (mode {main + 1})", f"{limit:.2f}")
 
 
+def changes(material: Material) -> None:
+    """What decides the constants: each reading over the one that it changes in one respect."""
+    fits = {reading.key: reading.fits for reading in material.readings}
+    plain, squared = "V_e omega", "V_e^2 omega^2"
+    start = fits["modes range"][plain]
+    head("change from the modes at P̂₀ 0.36 to 1.8", "α₁", "α₂", "k_VS")
+    for words, changed in (
+        ("no viscosity", fits["undamped range"][plain]),
+        ("large oscillations after the snap", fits["identified range"][plain]),
+        ("gas pressures up to 5", fits["modes"][plain]),
+        ("residual in V̂ₑ²ω̂²", fits["modes range"][squared]),
+        ("ω₊ the mode that moves the volume most", fits["by volume"][plain]),
+    ):
+        row(words, *(f"× {changed[name].value / start[name].value:.2f}" for name in ("alpha1", "alpha2", "k_vs")))
+    heard = fits["identified range"][plain]
+    head("heard at P̂₀ 0.36 to 1.8", "source", "off by [%]", "in errors of both together")
+    for name in ("alpha1", "alpha2", "k_vs"):
+        theirs, ours = printed("subsec:agree", name), heard[name]
+        assert theirs.error is not None
+        both = np.hypot(ours.stderr, theirs.value * theirs.error / 100)
+        off = ours.value - theirs.value
+        row(f"{name} {ours.value:.3g} ± {ours.stderr:.2g}", theirs.value, f"{100 * off / theirs.value:+.0f}",
+            f"{off / both:+.1f}")  # fmt: skip
+
+
+def details(material: Material) -> None:
+    """The single numbers of docs/paper.md: R, thickness, decay times."""
+    table, runs = material.table, material.runs
+    head("R", "ω₋, ω₊ heard on V, S, H, W", "modes", "undamped", "S_e/S₀")
+    for family in ("R-free", "R-attached"):
+        (k,) = np.flatnonzero(runs.within(family))
+        pairs = (runs.heard[k], runs.layered[k, :2], runs.undamped[k, :2])
+        row(family, *(", ".join(f"{value:.3f}" for value in pair) for pair in pairs), f"{table['S_e_over_S0'][k]:.4f}")
+    head("d̂", "ω₋ heard", "mode 1")
+    thick = np.flatnonzero(runs.within("thickness"))
+    for k in thick[np.argsort(runs.thickness[thick])]:
+        row(f"{runs.thickness[k]:g}", f"{runs.heard[k, 0]:.3f}", f"{runs.layered[k, 0]:.3f}")
+    speed, size = runs.pole_speed / runs.viscosity, runs.viscosity * runs.tau
+    free, spread = (runs.held == 0) & np.isfinite(size), lambda x: f"{np.min(x):.3g} to {np.max(x):.3g}"
+    snaps, water = free & ~runs.small, np.isclose(runs.viscosity, 0.004)
+    head("free runs", "number", "Re of the pole", "η τ/(ρ R₀²)", "over the law")
+    for words, chosen in (
+        ("snaps, Re 3 to 500", snaps & (speed > 3) & (speed < 500)),
+        ("snaps, η̂ = 0.004", snaps & water),
+        ("small kicks, η̂ = 0.004", free & runs.small & water),
+        ("snap, η̂ = 0.13", runs.within("viscosity") & np.isclose(runs.viscosity, 0.13)),
+    ):
+        law = np.asarray(reynolds_decay_time(jnp.asarray(speed[chosen]), length="radius"))
+        row(words, int(chosen.sum()), spread(speed[chosen]), spread(size[chosen]), spread(size[chosen] / law))
+
+
 def losses() -> None:
     """R's snap with other losses, heard on V, H and W."""
     R = js.presets.R.conditions
@@ -196,6 +249,8 @@ def main() -> None:
         ratios(material)
         spheres(material)
         motions(material)
+        changes(material)
+        details(material)
 
 
 if __name__ == "__main__":

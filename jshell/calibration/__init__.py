@@ -1,6 +1,6 @@
 """From frequencies and traces to the constants of the short model, with their uncertainty."""
 
-from jshell.calibration import least_squares, losses, master_curve, trajectories, uncertainty
+from jshell.calibration import campaign, least_squares, losses, master_curve, trajectories, uncertainty
 from jshell.calibration.batch import fit_batch
 from jshell.calibration.batch_result import BatchResult
 from jshell.calibration.bootstrap import Bootstrap, bootstrap_frequencies
@@ -19,7 +19,7 @@ from jshell.calibration.trajectories import fit_trajectories, prepare
 
 __all__ = [
     "BatchResult", "Bootstrap", "Comparison", "Estimate", "FitResult", "FitWarning", "NonlinearFits", "Prior",
-    "Recordings", "Refits", "Start", "bootstrap_frequencies", "compare", "fit_batch", "fit_conditions",
+    "Recordings", "Refits", "Start", "bootstrap_frequencies", "campaign", "compare", "fit_batch", "fit_conditions",
     "fit_frequencies", "fit_nonlinear", "fit_trajectories", "least_squares", "load", "losses", "master_curve",
     "prepare", "trace_loss", "trajectories", "uncertainty",
 ]  # fmt: skip

@@ -1,6 +1,18 @@
 """Figures: shapes, records, frequencies and fits, in one clean style."""
 
-from jshell.plot import branches, demo, film, fits, frequencies, response, sensitivity, shapes, traces
+from jshell.plot import (
+    branches,
+    demo,
+    film,
+    fits,
+    frequencies,
+    paper,
+    paper_numbers,
+    response,
+    sensitivity,
+    shapes,
+    traces,
+)  # fmt: skip
 from jshell.plot.branches import deflation
 from jshell.plot.demo import overview
 from jshell.plot.film import animate, filmstrip, moments, snapshot
@@ -12,6 +24,6 @@ from jshell.plot.traces import channel, heard
 
 __all__ = [
     "animate", "branches", "channel", "deflation", "demo", "film", "filmstrip", "fits", "frequencies", "heard",
-    "master_curve", "mode_shape", "moments", "new_figure", "overview", "profiles", "response", "rest_shape", "save",
-    "sensitivity", "shapes", "snapshot", "style", "trace_fit", "traces",
+    "master_curve", "mode_shape", "moments", "new_figure", "overview", "paper", "paper_numbers", "profiles", "response",
+    "rest_shape", "save", "sensitivity", "shapes", "snapshot", "style", "trace_fit", "traces",
 ]  # fmt: skip

@@ -18,7 +18,7 @@ import numpy as np
 from jshell import comparators, dynamics, membrane
 from jshell.calibration.campaign import Reading, ShellRuns, calibrate, read_runs
 from jshell.errors import BadName, BadValue, Outcome, RangeWarning
-from jshell.plot import paper_damping, paper_frequencies, paper_records, paper_shapes, paper_softening
+from jshell.plot import paper_damping, paper_frequencies, paper_records, paper_shapes, paper_softening, paper_trends
 from jshell.plot.film import moments
 from jshell.plot.style import Figure
 from jshell.shell import Reduced, presets
@@ -31,6 +31,7 @@ PAD = 0.3272  # half-angle of the pad that holds the attached shell [rad]
 SNAP_LOAD = 1.62  # outer pressure of the run that is drawn in pictures: the weak spot buckles R there for certain
 PRESSURES = (0.5, 1.5)  # beside R in fig:oscill; the nearest of the campaign are taken
 TOGETHER = ("V", "H", "W")
+LIQUIDS = (0.0006, 0.013, 0.13, 1.3)  # viscosities of the kicks that are drawn
 
 
 @runtime_checkable
@@ -167,6 +168,19 @@ def damping(material: Material) -> Figure:
     return paper_damping.damping(material.runs)
 
 
+def trends(material: Material) -> Figure:
+    """sec:simulresul: thick liquids stop the ringing, the area hardly changes."""
+    runs, results = material.runs, list(material.campaign)
+    rows = np.flatnonzero(runs.within("viscosity-bulk"))
+    if rows.size == 0:
+        raise BadValue(
+            "campaign", found="no family viscosity-bulk", expected="kicks in liquids of several viscosities",
+            remedy="Run the shipped design to its end.",
+        )  # fmt: skip
+    nearest = {int(rows[np.argmin(np.abs(np.log(runs.viscosity[rows] / eta)))]) for eta in LIQUIDS}
+    return paper_trends.trends(runs, {float(runs.viscosity[k]): results[k].trace for k in nearest})
+
+
 def attached(material: Material) -> Figure:
     """fig:detail-attached."""
     free = material.trace("R-free", "pressure", near=0.9)
@@ -251,6 +265,7 @@ FIGURES = (
     PaperFigure("constants", "subsec:agree", "the constants by every reading", constants),
     PaperFigure("softening", "fig:soft", "pulsations through buckling", softening),
     PaperFigure("damping", "fig:tau", "decay time against Reynolds number", damping),
+    PaperFigure("trends", "sec:simulresul", "ringing in thick liquids, area at rest", trends),
     PaperFigure("attached", "fig:detail-attached", "attached against free, amplitude ratios", attached),
     PaperFigure("meridian", "fig:axisymmetric", "meridian and principal stretches", meridian),
     PaperFigure("spheres", "eq:oscillSph", "the breathing sphere against eq:wsphere", spheres),

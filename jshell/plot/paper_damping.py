@@ -17,7 +17,7 @@ from jshell.plot.paper_numbers import printed
 from jshell.plot.style import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILION, Figure, new_figure, style
 
 ETA_LAYER = 0.13  # above it the Stokes layer is as thick as the shell: sqrt(η/ω) > 0.4 R0
-STEPS = {0.45: (GREEN, "a"), 0.225: (VERMILION, "b"), 0.045: (BLUE, "c")}  # the source's three families
+STEPS = {0.45: GREEN, 0.225: VERMILION, 0.045: BLUE}  # the source's three families
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def spheres(found: Spheres) -> Figure:
         figure = new_figure((7.6, 3.4))
         left, right = figure.subplots(1, 2, width_ratios=(1.15, 1.0))
         for step in sorted({*found.step.tolist()}, reverse=True):
-            colour, letter = next((look for known, look in STEPS.items() if abs(step / known - 1) < 1e-6), (GREY, ""))
+            colour = next((known for size, known in STEPS.items() if abs(step / size - 1) < 1e-6), GREY)
             for kind, chosen in _kinds(found).items():
                 rows = np.flatnonzero((found.step == step) & chosen)
                 rows = rows[np.argsort(found.gas_pressure[rows])]
@@ -112,7 +112,7 @@ def spheres(found: Spheres) -> Figure:
                 look = {"marker": "x" if small else "o", "linestyle": "none", "color": colour, "markersize": 5.0}
                 look |= {"markerfacecolor": "white"} if kind == "radial" else {}
                 words = {"small": "small oscillation", "step": "step", "radial": "step, kept spherical"}[kind]
-                right.plot(x, found.prefactor[rows], **look, label=f"({letter}) {words}, δP̂ = {step:g}")
+                right.plot(x, found.prefactor[rows], **look, label=f"{words}, δP̂ = {step:g}")
                 if small:
                     continue
                 left.plot(x, found.heard[rows], **look)

@@ -211,6 +211,7 @@ def constants(readings: Sequence[Reading], more: Sequence[tuple[str, FitResult]]
                     )  # fmt: skip
             ax.set_title(words, loc="left")
             ax.set_xlim(0.0, _reach(rows, name, number.value))
+            _beyond(ax, rows, name)
         axes[0].set_yticks(range(len(rows)), [words for words, _ in rows])
         axes[0].set_ylim(len(rows) - 0.5, -0.5)
         handles, words = axes[0].get_legend_handles_labels()
@@ -300,3 +301,15 @@ def _reach(rows, name: str, theirs: float) -> float:
     values = [fit[name].value + (fit[name].stderr if np.isfinite(fit[name].stderr) else 0.0)
               for _, fits in rows for _, fit in fits]  # fmt: skip
     return 1.08 * min(max([theirs, *values]), 3.2 * theirs)
+
+
+def _beyond(ax: Axes, rows, name: str) -> None:
+    """A fit that the axis does not hold, in words at its edge."""
+    for place, (_, fits) in enumerate(rows):
+        for (weighting, fit), shift in zip(fits, (-0.14, 0.14), strict=False):
+            if fit[name].value > ax.get_xlim()[1]:
+                colour = BLUE if weighting == "V_e omega" else VERMILION
+                error = f" ± {fit[name].stderr:.2g}" if np.isfinite(fit[name].stderr) else ""
+                ax.annotate(f"{fit[name].value:.2g}{error} →", (0.995, place + shift),
+                            xycoords=("axes fraction", "data"), ha="right", va="center", fontsize=6.5, color=colour,
+                            bbox={"facecolor": "white", "linewidth": 0, "pad": 1.0})  # fmt: skip

@@ -166,12 +166,15 @@ def _headroom(ax: Axes, share: float) -> None:
 
 def _letters(ax: Axes, trace: Trace, moments: Sequence[float]) -> None:
     """Letters at the moments of the pictures, on the curve of V."""
+    from matplotlib.patheffects import withStroke
+
     times, zero, size = np.asarray(trace.times), _snap(trace), SPHERE["V"][0]
     for letter, at in zip("abcdefghij", moments, strict=False):
         if -BEFORE <= at - zero <= AFTER:
             level = float(np.interp(at, times, np.asarray(trace["V"]))) / size
             ax.plot([at - zero], [level], "o", color=BLACK, markersize=2.6, zorder=4)
-            ax.annotate(letter, (at - zero, level), xytext=(3, 3), textcoords="offset points", fontsize=7.5)
+            ax.annotate(letter, (at - zero, level), xytext=(3, 3), textcoords="offset points", fontsize=7.5,
+                        path_effects=[withStroke(linewidth=2.0, foreground="white")])  # fmt: skip
 
 
 def _title(ax: Axes, letter: str, words: str) -> None:

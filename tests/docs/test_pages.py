@@ -2,6 +2,7 @@
 
 import importlib
 import inspect
+import json
 import pkgutil
 import re
 import shlex
@@ -25,6 +26,7 @@ ELSEWHERE = ("serve", "submit", "campaign", "figures", "demo")  # wait for a ser
 PYTHON = re.compile(r"^(<!-- slow -->\n)?```python\n(.*?)^```$", re.S | re.M)
 SHELL = re.compile(r"^```sh\n(.*?)^```$", re.S | re.M)
 ROOMS = [room.name for room in pkgutil.iter_modules(jshell.__path__) if room.ispkg and room.name != "cli"]
+FILES = [f"jshell.{file.stem}" for file in sorted(Path(jshell.__path__[0]).glob("[a-z]*.py"))]
 
 
 def blocks(page: Path) -> list[tuple[bool, str]]:
@@ -95,6 +97,28 @@ def test_terminal_lines_name_verbs_and_options_that_exist():
             assert re.search(rf"{re.escape(option)}\b", text), line
 
 
+def documented_in(page: Path) -> tuple[set[str], set[str]]:
+    """What a page documents by name, and the modules whose members it lists."""
+    found = re.findall(r"^\.\. auto(\w+):: (\S+)\n((?:   .*\n)*)", page.read_text(encoding="utf-8"), re.M)
+    whole = {path for kind, path, options in found if kind == "module" and ":members:\n" in options}
+    left_out = {
+        f"{path}.{name}"
+        for _, path, options in found
+        for line in re.findall(r":exclude-members: (.*)", options)
+        for name in line.split(", ")
+    }
+    named = {path for _, path, _ in found}
+    for path in whole:
+        named |= {f"{path}.{name}" for name in public(importlib.import_module(path))} - left_out
+    return named, whole
+
+
+def public(module: object) -> list[str]:
+    """Functions and classes that a module makes."""
+    made = {name: x for name, x in vars(module).items() if callable(x) and not name.startswith("_")}
+    return [name for name, x in made.items() if getattr(x, "__module__", "") == vars(module)["__name__"]]
+
+
 @pytest.mark.parametrize("room", ["", *ROOMS])
 def test_every_public_name_is_on_a_page_of_the_api(room):
     package = importlib.import_module(f"jshell.{room}".rstrip("."))
@@ -103,14 +127,41 @@ def test_every_public_name_is_on_a_page_of_the_api(room):
         written = (DOCS / "api" / "index.md").read_text(encoding="utf-8")
         missing = [name for name in names if f"`{name}`" not in written]
     elif names:
-        written = (DOCS / "api" / f"{room}.md").read_text(encoding="utf-8")
-        documented = set(re.findall(r"^\.\. auto\w+:: (\S+)$", written, re.M))
-        wanted = {name: getattr(package, name) for name in names}
-        full = {n: x.__name__ if inspect.ismodule(x) else f"jshell.{room}.{n}" for n, x in wanted.items()}
+        documented, _ = documented_in(DOCS / "api" / f"{room}.md")
+        of_room = {name: getattr(package, name) for name in names}
+        full = {n: x.__name__ if inspect.ismodule(x) else f"jshell.{room}.{n}" for n, x in of_room.items()}
         missing = [name for name in names if full[name] not in documented]
+        # and what the room's public modules make, unless the room's own door leads to it
+        for module in filter(inspect.ismodule, of_room.values()):
+            inside = [n for n in public(module) if not any(getattr(module, n) is x for x in of_room.values())]
+            missing += [f"{module.__name__}.{n}" for n in inside if f"{module.__name__}.{n}" not in documented]
     else:
         missing = []
     assert not missing, f"add to docs/api/{room or 'index'}.md: {missing}"
+
+
+@pytest.mark.parametrize("module", FILES)
+def test_every_file_that_all_rooms_share_is_on_its_page(module):
+    documented, _ = documented_in(DOCS / "api" / "common.md")
+    missing = [name for name in public(importlib.import_module(module)) if f"{module}.{name}" not in documented]
+    assert not missing, f"add to docs/api/common.md: {missing}"
+
+
+def test_what_the_pages_and_notebooks_import_is_public():
+    """A reader may rely on what is shown to him: a room, a name of its `__all__`, or of one of its public modules."""
+    shown = [block for page in (README, *PAGES) for _, block in blocks(page)]
+    for book in sorted((DOCS.parent / "notebooks").glob("*.ipynb")):
+        shown += ["".join(cell["source"]) for cell in json.loads(book.read_text(encoding="utf-8"))["cells"]]
+    found = re.findall(r"^from (jshell[\w.]*) import (.+)$", "\n".join(shown), re.M)
+    assert len(found) >= 20
+    for path, names in found:
+        _, _, inner = path.partition(".")
+        room, _, rest = inner.partition(".")
+        if rest:
+            assert rest in importlib.import_module(f"jshell.{room}").__all__, path
+        module = importlib.import_module(path)
+        offered = set(getattr(module, "__all__", public(module))) | set(ROOMS if path == "jshell" else ())
+        assert {name.strip() for name in names.split(",")} <= offered, (path, names)
 
 
 @pytest.mark.parametrize("page", sorted(DOCS.glob("api/*.md")), ids=name_of)

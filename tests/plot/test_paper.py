@@ -11,7 +11,7 @@ from jshell.calibration.campaign import calibrate
 from jshell.cli.main import app
 from jshell.errors import BadName, BadValue, Outcome
 from jshell.oscillator import squared_frequencies
-from jshell.plot import paper, paper_damping, paper_frequencies, paper_records, paper_softening
+from jshell.plot import paper, paper_damping, paper_frequencies, paper_records, paper_softening, paper_trends
 from jshell.plot.paper_numbers import printed, printed_numbers
 from jshell.plot.paper_shapes import meridian_stretches, setup
 from jshell.plot.style import BLACK, BLUE, GREEN, ORANGE, SLOW
@@ -175,6 +175,21 @@ def test_records_of_three_pressures_and_their_fits(material):
         # aligned where the pole sinks fastest, at t = 19
         np.testing.assert_allclose(y, np.interp(x + 19.0, trace.times, trace["V"]) / (4 * np.pi / 3), atol=1e-12)
     assert {"a", "b", "c"} <= {text.get_text() for text in left.texts}
+
+
+def test_kicks_stand_over_their_height_and_areas_over_the_thickness(campaign, material):
+    t = np.arange(0.0, 30.0, 0.1)
+    kicks = {
+        eta: Trace(t, {"V": 3 + 0.02 * np.exp(-t / tau) * np.sin(t)}, None) for eta, tau in ((0.01, 9.0), (1.0, 1.0))
+    }
+    left, right = paper_trends.trends(material.runs, kicks).axes
+    thin = next(line for line in left.get_lines() if line.get_label() == "η̂ = 0.01")
+    x, y = np.asarray(thin.get_xydata()).T
+    assert (x[0], y[0]) == (0.0, 1.0)
+    # the next extreme is half a period later and lower by exp(-π/9)
+    assert (x[np.argmin(y)], y.min()) == pytest.approx((np.pi, -np.exp(-np.pi / 9)), rel=0.02)
+    seen = points(right, BLUE, "o")
+    np.testing.assert_allclose(seen, np.stack([campaign["d_hat"], campaign["S_e"] / (4 * np.pi)], axis=1))
 
 
 def test_attached_beside_free_with_the_sources_ratios():
