@@ -40,6 +40,7 @@ NAMES = ("alpha1", "alpha2", "k_vs", "beta1")
 UNKNOWNS = 8
 RESOLVED = 0.12  # ω₊ h of the fixed step: 1e-5 of the motion over ten periods
 SETTLED = 1e-7  # share of χ² that the last step promises; of 800 samples it moves by a hundredth of σ, the rest less
+HIDDEN = 1e-6  # share of χ² that the adaptive integrator's error hides: a thirtieth of σ
 NOTHING = 1e-9  # the same of a record without noise, in σ²
 UNDAMPED = 1e-8
 
@@ -315,14 +316,14 @@ def _improve(search: _Search, lanes: Lanes, solver: str, substeps: int, max_step
     scale = jnp.maximum(scale, jnp.diagonal(A, axis1=1, axis2=2))
     weight = jnp.where(scale > 0, scale, 1.0)
     moved, promised = _solve(A, damping[:, None] * weight, g)
-    little = SETTLED * cost + NOTHING
-    settled = better & (promised <= little)
-    # a step may also be short because it is damped: then what an undamped one promises tells a minimum from a wall
+    settled = better & (promised <= SETTLED * cost + NOTHING)
+    # where no step helps, what an undamped one promises tells a minimum, known to the integrator's error, from a wall
+    hidden = ~better & (_solve(A, UNDAMPED * weight, g)[1] <= HIDDEN * cost + NOTHING)
     short = (damping > 1e14) | jnp.all(jnp.abs(moved) <= 1e-9 * (0.1 + jnp.abs(u)), axis=1)
-    rest = jnp.where(_solve(A, UNDAMPED * weight, g)[1] <= little, int(Outcome.OK), int(Outcome.STALLED))
     count = count + ~fresh
     ended = jnp.where(count >= max_steps, int(Outcome.NOT_CONVERGED), RUNNING)
-    ended = jnp.where(settled, int(Outcome.OK), jnp.where(short, rest, ended))
+    ended = jnp.where(short, int(Outcome.STALLED), ended)
+    ended = jnp.where(settled | hidden, int(Outcome.OK), ended)
     ended = jnp.where(jnp.isfinite(cost), ended, int(Outcome.STALLED))
     trial = u + moved
     u = jnp.where(settled[:, None], trial, u)
