@@ -27,6 +27,7 @@ def serve(
     queue: Annotated[int, typer.Option(help="Jobs that may wait; more are told to come back.")] = 1000,
     seconds: Annotated[float, typer.Option(help="Longest time of one job.")] = 600.0,
     memory: Annotated[float, typer.Option(help="Largest memory of one job [GiB].")] = 4.0,
+    nice: Annotated[int, typer.Option(help="How far jobs stand back behind the server, 0 to 19.")] = 10,
     upload: Annotated[float, typer.Option(help="Largest upload [MiB].")] = 256.0,
     cache: Annotated[str | None, typer.Option(help="Folder of compiled programs, kept between runs.")] = None,
     allow_host: Annotated[
@@ -45,7 +46,7 @@ def serve(
         dict.fromkeys((*settings.LOCAL, *((host,) if host not in ("0.0.0.0", "::") else ()), *(allow_host or ())))
     )
     chosen = settings.Settings(
-        db=db, engine=engine, workers=workers, queue=queue, seconds=seconds, memory=int(memory * 2**30),
+        db=db, engine=engine, workers=workers, queue=queue, seconds=seconds, memory=int(memory * 2**30), nice=nice,
         upload=int(upload * 2**20), cache=cache, warm=warm, host=host, port=port, token=token, allowed_hosts=names,
     )  # fmt: skip
     server.serve(chosen, lambda address: log(f"jshell serves at {address} (Ctrl+C stops it)"))

@@ -7,6 +7,7 @@ from typing import Any
 
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
+from starlette.formparsers import MultiPartParser
 from starlette.requests import Request
 
 import jshell
@@ -25,6 +26,7 @@ from jshell.shell.presets import R
 
 DRAIN = 7.0  # seconds that running jobs have when the service is told to stop; requests under way had two before
 API = "/api/v1"
+SPOOL = 16 * 2**20  # bytes of a file on its way in that stay in memory; larger ones wait on the disk
 
 
 def create_app(settings: Settings, store: Store, worker: Worker | None = None) -> FastAPI:
@@ -53,6 +55,7 @@ def create_app(settings: Settings, store: Store, worker: Worker | None = None) -
         openapi_url="/openapi.json", redirect_slashes=False,
         summary="Fits of the short model of buckling shells, as jobs.",
     )  # fmt: skip
+    MultiPartParser.spool_max_size = SPOOL
     service = Service(settings, store, Metrics())
     app.state.service = service
     for router in (traces.router, jobs.router, simulate.router):

@@ -6,21 +6,21 @@ uploads. A file of a zip that cannot be read costs its own row and no other.
 
 import csv
 import io as streams
-import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from pathlib import PurePath
 from typing import Any
 
 import numpy as np
 
 from jshell.calibration import BatchResult, Recordings, fit_batch
 from jshell.errors import BadFile, BadValue, JshellError, Outcome
-from jshell.io.files import SPOILED, check_size
+from jshell.service import archives
 from jshell.shell import Reduced
 from jshell.trace import Trace
 
 CONDITIONS = ("thickness", "gas_pressure", "outer_pressure", "viscosity", "kappa", "poisson_ratio")
+LARGE = ("times", "values")
+FREE = "free_directions"
 FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 
@@ -42,9 +42,7 @@ def pack(records: Recordings) -> bytes:
     for name in ("sigma", "counts"):
         if getattr(records, name) is not None:
             arrays[name] = np.asarray(getattr(records, name))
-    file = streams.BytesIO()
-    np.savez(file, allow_pickle=False, **arrays)
-    return file.getvalue()
+    return archives.pack(arrays)
 
 
 def unpack(content: bytes, name: str = "batch.npz") -> Recordings:
@@ -54,17 +52,7 @@ def unpack(content: bytes, name: str = "batch.npz") -> Recordings:
         BadFile: No archive of plain arrays, or one of them is missing.
         BadShape: Arrays that do not fit together.
     """
-    arrays = _arrays(content, name)
-    missing = [key for key in ("times", "values", *CONDITIONS) if key not in arrays]
-    if missing:
-        raise BadFile(
-            name,
-            found=f"no array {', '.join(missing)}",
-            expected="times, values and the conditions",
-            remedy="Write it with jshell.service.batches.pack.",
-        )
-    conditions = Reduced(*(arrays[key] for key in CONDITIONS))
-    return Recordings(arrays["times"], arrays["values"], conditions, arrays.get("sigma"), arrays.get("counts"))
+    return _records(archives.unpack(content, name), name)
 
 
 def read(files: Sequence[tuple[str, bytes]], trace: Callable[[str, bytes], Trace]) -> Batch:
@@ -80,12 +68,12 @@ def read(files: Sequence[tuple[str, bytes]], trace: Callable[[str, bytes], Trace
     """
     if len(files) == 1 and files[0][0].lower().endswith(".npz"):
         name, content = files[0]
-        if "values" in _names(content, name):
+        if "values" in archives.names(content, name):
             records = unpack(content, name)
-            return Batch(records, tuple(str(i + 1) for i in range(np.shape(records.values)[0])), {})
+            return Batch(records, tuple(numbered(np.shape(records.values)[0])), {})
     listed: list[tuple[str, bytes]] = []
     for name, content in files:
-        listed += _members(name, content) if name.lower().endswith(".zip") else [(name, content)]
+        listed += archives.files(name, content) if name.lower().endswith(".zip") else [(name, content)]
     if not listed:
         raise BadValue("traces", found="none", expected="at least one trace", remedy="Upload one.")
     traces, refused = [], {}
@@ -121,15 +109,14 @@ def fitted(given: Batch, options: Mapping[str, Any]) -> BatchResult:
     return replace(found, **values, free_directions=directions)
 
 
-def pack_result(found: BatchResult) -> bytes:
-    """A result as `.npz`, to the bit."""
-    arrays = {field.name: getattr(found, field.name) for field in fields(BatchResult)}
-    directions = arrays.pop("free_directions")
-    arrays["free_rows"] = np.array([row for row, _ in directions], dtype=int)
-    arrays["free_words"] = np.array([words for _, words in directions], dtype=str)
-    file = streams.BytesIO()
-    np.savez(file, allow_pickle=False, **arrays)
-    return file.getvalue()
+def pack_result(found: BatchResult, names: Sequence[str] | None = None) -> bytes:
+    """A result as `.npz`, to the bit; with the names of its rows where they are not just numbers."""
+    arrays = {field.name: np.asarray(getattr(found, field.name)) for field in fields(BatchResult) if field.name != FREE}
+    arrays["free_rows"] = np.array([row for row, _ in found.free_directions], dtype=int)
+    arrays["free_words"] = np.array([words for _, words in found.free_directions], dtype=str)
+    if names is not None and list(names) != numbered(len(found)):
+        arrays["names"] = np.array(names, dtype=str)
+    return archives.pack(arrays)
 
 
 def unpack_result(content: bytes, name: str = "record.npz") -> BatchResult:
@@ -138,7 +125,7 @@ def unpack_result(content: bytes, name: str = "record.npz") -> BatchResult:
     Raises:
         BadFile: Not such a file.
     """
-    arrays = _arrays(content, name)
+    arrays = {key: array.copy() for key, array in archives.unpack(content, name).items() if key != "names"}
     try:
         directions = zip(arrays.pop("free_rows").tolist(), arrays.pop("free_words").tolist(), strict=True)
         absolute = bool(arrays.pop("absolute"))
@@ -147,8 +134,15 @@ def unpack_result(content: bytes, name: str = "record.npz") -> BatchResult:
         raise BadFile(name, found=str(error), expected="the record of a batch", remedy="Download it again.") from None
 
 
-def table(found: BatchResult, names: Sequence[str]) -> bytes:
-    """The table of a batch as CSV, one row per trace."""
+def table(record: bytes) -> bytes:
+    """The table of a batch as CSV, one row per trace, from its record.
+
+    Raises:
+        BadFile: Not such a record.
+    """
+    found = unpack_result(record)
+    given = archives.unpack(record, "record.npz").get("names")
+    names = numbered(len(found)) if given is None else given.tolist()
     columns = found.columns()
     file = streams.StringIO()
     writer = csv.writer(file, lineterminator="\n")
@@ -157,46 +151,35 @@ def table(found: BatchResult, names: Sequence[str]) -> bytes:
     return file.getvalue().encode()
 
 
+def numbered(rows: int) -> list[str]:
+    """Names of rows that have none of their own."""
+    return [str(row + 1) for row in range(rows)]
+
+
+def count(content: bytes, name: str) -> int:
+    """Records in an `.npz` of them, or 0 where it holds something else; of times and values only the heads are read.
+
+    Raises:
+        BadFile, BadShape: As `unpack`, as far as heads tell.
+    """
+    if "values" not in archives.names(content, name):
+        return 0
+    return np.shape(_records(archives.unpack(content, name, heads=LARGE), name).values)[0]
+
+
 def cell(text: str) -> str:
     """A text that a spreadsheet does not take for a formula."""
     return f"'{text}" if text.startswith(FORMULA) else text
 
 
-def _arrays(content: bytes, name: str) -> dict[str, np.ndarray]:
-    _names(content, name)
-    try:
-        with np.load(streams.BytesIO(content), allow_pickle=False) as archive:
-            return {key: archive[key] for key in archive.files}
-    except SPOILED as error:
-        raise _no_archive(name, error) from None
-
-
-def _names(content: bytes, name: str) -> set[str]:
-    """Names of the arrays of an archive, once their sizes are known to be bearable."""
-    try:
-        with zipfile.ZipFile(streams.BytesIO(content)) as archive:
-            check_size(name, sum(member.file_size for member in archive.infolist()))
-            return {member.filename.removesuffix(".npy") for member in archive.infolist()}
-    except BadFile:
-        raise
-    except SPOILED as error:
-        raise _no_archive(name, error) from None
-
-
-def _members(name: str, content: bytes) -> list[tuple[str, bytes]]:
-    _names(content, name)
-    try:
-        with zipfile.ZipFile(streams.BytesIO(content)) as archive:
-            files = [member for member in archive.infolist() if not member.is_dir()]
-            return [(PurePath(member.filename).name, archive.read(member)) for member in files]
-    except SPOILED as error:
-        raise _no_archive(name, error) from None
-
-
-def _no_archive(name: str, error: BaseException) -> BadFile:
-    return BadFile(
-        name,
-        found=f"no archive that can be read ({str(error) or type(error).__name__})",
-        expected="arrays in .npz, or trace files in .zip",
-        remedy="Write it again.",
-    )
+def _records(arrays: Mapping[str, np.ndarray], name: str) -> Recordings:
+    missing = [key for key in ("times", "values", *CONDITIONS) if key not in arrays]
+    if missing:
+        raise BadFile(
+            name,
+            found=f"no array {', '.join(missing)}",
+            expected="times, values and the conditions",
+            remedy="Write it with jshell.service.batches.pack.",
+        )
+    conditions = Reduced(*(arrays[key] for key in CONDITIONS))
+    return Recordings(arrays["times"], arrays["values"], conditions, arrays.get("sigma"), arrays.get("counts"))

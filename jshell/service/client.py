@@ -20,7 +20,7 @@ from jshell import io
 from jshell.calibration import BatchResult, FitResult, Recordings, load
 from jshell.calibration.recordings import gathered
 from jshell.errors import BadValue, JshellError, MissingExtra, NotOk
-from jshell.service import batches
+from jshell.service import batches, parts
 from jshell.shell import Reduced
 from jshell.trace import CONDITION_FIELDS, Trace
 
@@ -179,8 +179,22 @@ class Client:
     def fit_batch(
         self, traces: Recordings | Sequence[Trace] | str | Path, *, seconds: float | int = 3600.0, **options: Any
     ) -> BatchResult:
-        """Fit each of many traces by itself as `jshell.calibration.fit_batch` does, there."""
-        return self.submit_batch(traces, **options).result(seconds)
+        """Fit each of many traces by itself as `jshell.calibration.fit_batch` does, there.
+
+        Arrays and traces go up in parts, each a job: one is fitted while the next is on its way.
+
+        Args:
+            traces: As in `submit_batch`.
+            seconds: Longest time to wait.
+            **options: Those of `fit_batch`, in plain values.
+
+        Raises:
+            JshellError: As `fit`; parts that are still under way are then called off.
+        """
+        if isinstance(traces, str | Path) or options.get("starts"):
+            return self.submit_batch(traces, **options).result(seconds)
+        records = traces if isinstance(traces, Recordings) else gathered(list(traces))
+        return parts.fitted(records, lambda part: self.submit_batch(part, **options), seconds)
 
     def submit_batch(
         self, traces: Recordings | Sequence[Trace] | str | Path, *, key: str | None = None, **options: Any

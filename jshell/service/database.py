@@ -19,7 +19,9 @@ from sqlalchemy.engine import make_url
 
 from jshell.errors import BadStore, BadValue, MissingExtra, StoreUnavailable
 from jshell.service import tables
+from jshell.service.statements import SERVER_CLOCK
 
+PAGE = 16384  # bytes of a page of a new SQLite file: a large upload is written in a quarter of the pieces
 PATIENCE = 10.0  # [s] that a writer waits for another one
 MAGIC = b"SQLite format 3\0"
 REMOTE = frozenset({"nfs", "nfs4", "cifs", "smb3", "smbfs", "afs", "ceph", "glusterfs", "lustre", "fuse.sshfs"})
@@ -83,7 +85,7 @@ class Database:
         """The time now [s since 1970], as the database is to use it."""
         if self.sqlite:
             return sa.literal(time.time(), sa.Double())
-        return sa.cast(sa.func.extract("epoch", sa.func.clock_timestamp()), sa.Double())
+        return SERVER_CLOCK
 
     @contextlib.contextmanager
     def reading(self) -> Iterator[sa.Connection]:
@@ -131,7 +133,7 @@ class Database:
         @event.listens_for(engine, "connect")
         def set_up(connection: sqlite3.Connection, _) -> None:
             connection.isolation_level = None  # transactions begin where the listener below says
-            for pragma in ("journal_mode = WAL", "synchronous = FULL", "foreign_keys = ON"):
+            for pragma in (f"page_size = {PAGE}", "journal_mode = WAL", "synchronous = FULL", "foreign_keys = ON"):
                 connection.execute(f"PRAGMA {pragma}").close()
 
         @event.listens_for(engine, "begin")

@@ -93,6 +93,8 @@ def file_of(store: Store, job: JobRow, suffix: str) -> bytes:
             expected="state done",
             remedy="Wait until it is done." if not job.over else f"See {address(job)} for why it has no result.",
         )
+    if job.kind == "batch" and suffix == "csv":
+        return batch_table(store, job.id)
     content = store.result(job.id, FILES[job.kind][suffix])
     return neutral_csv(content) if suffix == "csv" else content
 
@@ -136,6 +138,12 @@ def fit_result(store: Store, job: str) -> FitResult:
 def batch_result(store: Store, job: str) -> BatchResult:
     """The result of a batch that is done, as the library's own object."""
     return batches.unpack_result(store.result(job, "record.npz"))
+
+
+@functools.lru_cache(maxsize=4)
+def batch_table(store: Store, job: str) -> bytes:
+    """The table of a batch that is done; made when it is first asked for, for that takes longer than the fits."""
+    return neutral_csv(batches.table(store.result(job, "record.npz")))
 
 
 @functools.lru_cache(maxsize=8)
@@ -191,8 +199,8 @@ def packed(name: str, content: bytes) -> int:
     """
     if not content.strip():
         raise BadFile(name, found="an empty file", expected="traces", remedy="Check how the file was written.")
-    if name.lower().endswith(".npz") and "values.npy" in _members(content):
-        return int(batches.unpack(content, name).values.shape[0])
+    if name.lower().endswith(".npz") and (found := batches.count(content, name)):
+        return found
     if name.lower().endswith(".zip"):
         try:
             with zipfile.ZipFile(io.BytesIO(content)) as archive:
@@ -202,11 +210,3 @@ def packed(name: str, content: bytes) -> int:
                 name, found=f"no archive ({error})", expected="a .zip of trace files", remedy="Pack it again."
             ) from None
     return 1
-
-
-def _members(content: bytes) -> list[str]:
-    try:
-        with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            return archive.namelist()
-    except zipfile.BadZipFile:
-        return []

@@ -19,6 +19,7 @@ class Settings:
         attempts: Deaths of its worker after which a job is given up.
         seconds: Longest time of one job [s]; spawned processes only.
         memory: Largest resident memory of the process of one job [bytes]; spawned processes on Linux only.
+        nice: How far processes of jobs stand back behind the server on a busy machine, 0 to 19.
         queue: Jobs that may wait.
         upload: Largest body of a request [bytes].
         arrival: Time in which the body of a request must arrive [s].
@@ -42,6 +43,7 @@ class Settings:
     attempts: int = 3
     seconds: float | int = 600.0
     memory: int = 4 * 2**30
+    nice: int = 10
     queue: int = 1000
     upload: int = 256 * 2**20
     arrival: float | int = 120.0
@@ -58,5 +60,7 @@ class Settings:
             value = getattr(self, name)
             if not value > 0:
                 raise BadValue(name, found=f"{value:g}", expected="a number above 0", remedy="Leave it out.")
+        if not 0 <= self.nice <= 19:
+            raise BadValue("nice", found=str(self.nice), expected="0 to 19", remedy="10 is usual.")
         if not 0 <= self.port < 2**16:
             raise BadValue("port", found=str(self.port), expected="0 to 65535", remedy="8765 is usual; 0 picks one.")

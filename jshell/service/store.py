@@ -11,17 +11,17 @@ import hashlib
 import json
 import secrets
 import threading
+import time
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import sqlalchemy as sa
-from sqlalchemy.dialects import postgresql, sqlite
 
 from jshell.errors import BadName, BadStore, BadValue, NotFound, QueueFull, StoreUnavailable
-from jshell.service import uploads
+from jshell.service import statements, uploads
 from jshell.service.database import Database
 from jshell.service.rows import Failure, JobRow, Submission, job_of, key_conflict, unknown_job
-from jshell.service.tables import CANCELLED, DONE, FAILED, LIVE, QUEUED, RUNNING, STATES, jobs, keys, pulse, results
+from jshell.service.tables import CANCELLED, DONE, FAILED, QUEUED, RUNNING, STATES, jobs, pulse, results
 from jshell.service.uploads import TraceRow
 
 KINDS = ("fit", "batch", "simulate")
@@ -41,6 +41,7 @@ class Store:
     def __init__(self, database: Database, *, queue: int = 1000, attempts: int = 3) -> None:
         self.database, self.queue, self.attempts = database, queue, attempts
         self._arrived = threading.Condition()
+        self._recent = uploads.Recent()
 
     @staticmethod
     def open(url: str, *, queue: int = 1000, attempts: int = 3) -> "Store":
@@ -61,7 +62,9 @@ class Store:
         Raises:
             StoreUnavailable: Nothing was kept.
         """
-        return uploads.add(self.database, name, content)
+        row = uploads.add(self.database, name, content)
+        self._recent.keep(row.id, row.name, content)
+        return row
 
     def trace(self, trace: str) -> TraceRow:
         """What is known of an upload.
@@ -85,7 +88,7 @@ class Store:
         Raises:
             NotFound: No such trace.
         """
-        return uploads.files(self.database, traces)
+        return self._recent.all(traces) or uploads.files(self.database, traces)
 
     def traces(self, limit: int = 50, before: str | None = None) -> list[TraceRow]:
         """Uploads, the newest first; those before one."""
@@ -121,16 +124,14 @@ class Store:
         content = _content(kind, text, traces)
         with self.database.writing() as connection:
             if key is not None:
-                known = connection.execute(sa.select(keys).where(keys.c.key == key)).one_or_none()
+                known = connection.execute(statements.KEY, {"key": key}).one_or_none()
                 if known is not None:
                     return self._same(connection, known, content)
-            row = connection.execute(sa.select(jobs).where(jobs.c.content == content, LIVE)).one_or_none()
+            row = connection.execute(statements.LIVE_JOB, {"content": content}).one_or_none()
             made = row is None
             if row is None:
-                uploads.require(connection, traces)
-                waiting = connection.execute(
-                    sa.select(sa.func.count()).select_from(jobs).where(jobs.c.state == QUEUED)
-                ).scalar_one()
+                self._recent.require(connection, traces)
+                waiting = connection.execute(statements.WAITING).scalar_one()
                 if waiting >= self.queue:
                     raise QueueFull(
                         "queue", found=f"{waiting} waiting jobs", expected=f"fewer than {self.queue}",
@@ -140,7 +141,7 @@ class Store:
             if key is not None:
                 stored = self._insert_key(connection, key, content, row.id)
                 if not stored:  # another server was faster with this key
-                    known = connection.execute(sa.select(keys).where(keys.c.key == key)).one()
+                    known = connection.execute(statements.KEY, {"key": key}).one()
                     if known.content != content:
                         raise key_conflict(key)
         if made:
@@ -155,7 +156,7 @@ class Store:
             NotFound: No such job.
         """
         with self.database.reading() as connection:
-            row = connection.execute(sa.select(jobs).where(jobs.c.id == job)).one_or_none()
+            row = connection.execute(statements.JOB, {"job": job}).one_or_none()
         if row is None:
             raise unknown_job(job)
         return job_of(row)
@@ -348,7 +349,6 @@ class Store:
 
     def _insert(self, connection: sa.Connection, kind: str, text: str, traces: Sequence[str], content: str):
         """A new job; or the one that another server made of the same content in this very moment."""
-        now = self.database.clock
         values = {
             "id": secrets.token_hex(12),
             "kind": kind,
@@ -356,33 +356,30 @@ class Store:
             "traces": json.dumps(list(traces)),
             "content": content,
             "state": QUEUED,
-            "created": now,
-            "ready": now,
         }
-        insert = self._dialect.insert(jobs).values(**values)
-        insert = insert.on_conflict_do_nothing(index_elements=[jobs.c.content], index_where=LIVE)
         while True:
-            row = connection.execute(insert.returning(*jobs.c)).one_or_none()
+            row = self._made(connection, statements.new_job, values, "created", "ready")
             if row is not None:
                 return row, True
-            row = connection.execute(sa.select(jobs).where(jobs.c.content == content, LIVE)).one_or_none()
+            row = connection.execute(statements.LIVE_JOB, {"content": content}).one_or_none()
             if row is not None:  # None where that one has failed meanwhile
                 return row, False
 
     def _insert_key(self, connection: sa.Connection, key: str, content: str, job: str) -> bool:
-        insert = self._dialect.insert(keys).on_conflict_do_nothing(index_elements=[keys.c.key])
-        insert = insert.values(key=key, content=content, job=job, created=self.database.clock)
-        return connection.execute(insert.returning(keys.c.key)).scalar() is not None
+        values = {"key": key, "content": content, "job": job}
+        return self._made(connection, statements.new_key, values, "created") is not None
+
+    def _made(self, connection: sa.Connection, insert: Any, values: Mapping[str, str], *times: str) -> Any:
+        """The row that was inserted now, or None where there is one already."""
+        in_file = self.database.sqlite
+        clock = dict.fromkeys(times, time.time()) if in_file else {}
+        return connection.execute(insert(in_file), {**values, **clock}).one_or_none()
 
     def _same(self, connection: sa.Connection, known: Any, content: str) -> Submission:
         if known.content != content:
             raise key_conflict(known.key)
-        row = connection.execute(sa.select(jobs).where(jobs.c.id == known.job)).one()
+        row = connection.execute(statements.JOB, {"job": known.job}).one()
         return Submission(job_of(row), False)
-
-    @property
-    def _dialect(self):
-        return sqlite if self.database.sqlite else postgresql
 
 
 def _content(kind: str, text: str, traces: Sequence[str]) -> str:

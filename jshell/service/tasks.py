@@ -54,8 +54,15 @@ _TOO_LARGE = LimitReached(
 )
 
 
-def ready(warm: bool = False) -> int:
-    """The process that answers, once everything is imported and, where asked for, the usual programs are compiled."""
+def ready(warm: bool = False, nice: int | None = None) -> int:
+    """The process that answers, once everything is imported and, where asked for, the usual programs are compiled.
+
+    Args:
+        warm: Whether to compile.
+        nice: Step back behind others by this much; None leaves the process as it is.
+    """
+    if nice is not None and hasattr(os, "setpriority"):
+        os.setpriority(os.PRIO_PROCESS, 0, nice)
     if warm:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -63,15 +70,16 @@ def ready(warm: bool = False) -> int:
     return os.getpid()
 
 
-def run(kind: str, specification: Mapping[str, Any], files: Files) -> Answer:
+def run(kind: str, specification: Mapping[str, Any], files: Sequence[tuple[str, bytes | Path]]) -> Answer:
     """Do a job.
 
     Args:
         kind: `fit`, `batch` or `simulate`.
         specification: What is asked.
-        files: Name and bytes of each trace.
+        files: Name and bytes of each trace, or where on this machine its bytes are.
     """
     try:
+        files = [(name, found.read_bytes() if isinstance(found, Path) else found) for name, found in files]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # a result carries its own warnings
             return Answer(_TASKS[kind](specification, files))
@@ -121,8 +129,8 @@ def batch(specification: Mapping[str, Any], files: Files) -> dict[str, bytes]:
     """Fit each of many traces by itself.
 
     Returns:
-        `record.npz`, which `jshell.service.batches.unpack_result` reads; `table.csv`, one row per trace;
-        `report.txt`.
+        `record.npz`, which `jshell.service.batches.unpack_result` reads, and from which `batches.table` makes the
+        table; `report.txt`.
 
     Raises:
         JshellError: As `jshell.calibration.fit_batch`.
@@ -133,8 +141,7 @@ def batch(specification: Mapping[str, Any], files: Files) -> dict[str, bytes]:
     records = batches.read(files, _trace)
     found = batches.fitted(records, asked)
     return {
-        "record.npz": batches.pack_result(found),
-        "table.csv": batches.table(found, records.names),
+        "record.npz": batches.pack_result(found, records.names),
         "report.txt": str(found).encode(),
     }
 

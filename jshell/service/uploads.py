@@ -1,6 +1,8 @@
 """Files that were uploaded: kept once, by their content."""
 
 import hashlib
+import threading
+from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
@@ -14,6 +16,8 @@ from jshell.service.database import Database
 from jshell.service.tables import contents, traces
 
 TOGETHER = 500  # names in one query
+NAMES = 100_000  # of uploads that are known to exist
+RECENT = 64 * 2**20  # bytes of the latest uploads that stay in memory
 
 
 @dataclass(frozen=True)
@@ -33,6 +37,51 @@ class TraceRow:
     sha256: str
     size: int
     created: float
+
+
+class Recent:
+    """The latest uploads, still in memory when a worker of this process asks for them; names of those that exist."""
+
+    def __init__(self) -> None:
+        self._kept: OrderedDict[str, tuple[str, bytes]] = OrderedDict()
+        self._bytes = 0
+        self._known: set[str] = set()
+        self._turn = threading.Lock()
+
+    def keep(self, trace: str, name: str, content: bytes) -> None:
+        """Name and bytes of a file; the oldest give way."""
+        with self._turn:
+            if trace in self._kept or len(content) > RECENT:
+                return
+            self._kept[trace] = (name, content)
+            self._bytes += len(content)
+            while self._bytes > RECENT:
+                self._bytes -= len(self._kept.popitem(last=False)[1][1])
+
+    def all(self, wanted: Sequence[str]) -> list[tuple[str, bytes]] | None:
+        """Name and bytes of files, where every one of them is here."""
+        with self._turn:
+            found = [self._kept.get(trace) for trace in wanted]
+        return None if None in found else [one for one in found if one is not None]
+
+    def require(self, connection: sa.Connection, wanted: Sequence[str]) -> None:
+        """Refuse names of files that were never uploaded; one that was found once is there for ever.
+
+        Raises:
+            NotFound: The first of them.
+        """
+        asked = [trace for trace in wanted if trace not in self._known]
+        found: set[str] = set()
+        for at in range(0, len(asked), TOGETHER):
+            part = asked[at : at + TOGETHER]
+            found |= set(connection.execute(sa.select(traces.c.id).where(traces.c.id.in_(part))).scalars())
+        for trace in asked:
+            if trace not in found:
+                raise unknown(trace)
+        with self._turn:
+            if len(self._known) > NAMES:
+                self._known.clear()
+            self._known |= found
 
 
 def add(database: Database, name: str, content: bytes) -> TraceRow:
@@ -111,21 +160,6 @@ def some(database: Database, limit: int, before: str | None) -> list[TraceRow]:
                 raise unknown(before)
             asked = asked.where(traces.c.number < number)
         return [_row(row) for row in connection.execute(asked)]
-
-
-def require(connection: sa.Connection, wanted: Sequence[str]) -> None:
-    """Refuse names of files that were never uploaded.
-
-    Raises:
-        NotFound: The first of them.
-    """
-    known: set[str] = set()
-    for at in range(0, len(wanted), TOGETHER):
-        part = wanted[at : at + TOGETHER]
-        known |= set(connection.execute(sa.select(traces.c.id).where(traces.c.id.in_(part))).scalars())
-    for name in wanted:
-        if name not in known:
-            raise unknown(name)
 
 
 def unknown(trace: str) -> NotFound:

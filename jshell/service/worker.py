@@ -12,9 +12,10 @@ import os
 import platform
 import secrets
 import socket
+import tempfile
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError, Executor, Future
 from concurrent.futures import TimeoutError as NotYet
 from dataclasses import dataclass
@@ -31,6 +32,7 @@ from jshell.service.store import Failure, JobRow, Store
 
 log = logging.getLogger("jshell.service")
 PROGRAMS = "jax_compilation_cache_dir"
+LARGE = 2**20  # bytes of the files of a job from which they are laid on the disk for its process
 LOOK = 0.1  # [s] between two looks at a running job
 IDLE = 0.5  # [s] between two looks for work that came from elsewhere
 BACKOFF = (0.5, 1.0, 2.0, 5.0, 10.0)  # [s] between attempts to reach an engine or the database
@@ -176,7 +178,8 @@ class _Slot:
         if self._engine is None:
             name = self.settings.engine
             self._engine = engines.open("processes:1" if name == "processes" else name)
-        first = self._engine.submit(tasks.ready, self.settings.warm)
+        nice = self.settings.nice if isinstance(self._engine, Processes) else None
+        first = self._engine.submit(tasks.ready, self.settings.warm, nice)
         while not self.worker.stopping.is_set():
             try:
                 self._process = first.result(timeout=LOOK)
@@ -190,8 +193,8 @@ class _Slot:
         assert self._engine is not None
         files = self.store.files(job.traces)
         try:
-            future = self._engine.submit(tasks.run, job.kind, dict(job.specification), files)
-            ended = self._watch(job, future)
+            with self._laid_out(files) as given:
+                ended = self._watch(job, self._engine.submit(tasks.run, job.kind, dict(job.specification), given))
         except (WorkerLost, OSError, RuntimeError, CancelledError) as error:
             self._put_back(job, error)
             return
@@ -202,6 +205,18 @@ class _Slot:
             return
         if not self._insist(lambda: self.store.finish(job.id, self.owner, job.attempt, outcome)):
             log.info("job %s, attempt %d: came too late, and was not recorded", job.id, job.attempt)
+
+    @contextlib.contextmanager
+    def _laid_out(self, files: tasks.Files) -> Iterator[Sequence[tuple[str, bytes | Path]]]:
+        """The files of a job as its process is given them: large ones by their place, for a pipe is slow."""
+        if not isinstance(self._engine, Processes) or sum(len(content) for _, content in files) < LARGE:
+            yield files
+            return
+        with tempfile.TemporaryDirectory(prefix="jshell-job-", ignore_cleanup_errors=True) as folder:
+            places = [Path(folder) / str(number) for number in range(len(files))]
+            for place, (_, content) in zip(places, files, strict=True):
+                place.write_bytes(content)
+            yield [(name, place) for place, (name, _) in zip(places, files, strict=True)]
 
     def _put_back(self, job: JobRow, error: BaseException) -> None:
         """After the loss of a worker: it counts against the job, unless the whole cluster was lost."""

@@ -114,8 +114,8 @@ def submits(url: str, times: int, seed: int) -> dict:
 
         def answer(pipe: int, number=number, key=key) -> None:
             store = Store.open(url, queue=10**6)
-            for known in range(5):
-                store.submit("simulate", {"number": -1 - known}, [], f"warm {known}")
+            for warm in range(3):
+                store.submit("simulate", {"number": -10 - 3 * number - warm}, [], f"warm {number} {warm}")
             os.write(pipe, b"r")  # ready for the request
             made = store.submit("simulate", {"number": number}, [], key)
             os.write(pipe, b"a" + made.job.id.encode())
@@ -124,7 +124,7 @@ def submits(url: str, times: int, seed: int) -> dict:
         process, pipe = child(answer)
         os.set_blocking(pipe, True)
         assert os.read(pipe, 1) == b"r"
-        time.sleep(chance.uniform(0.0, 4 * sorted(usual)[2]))
+        time.sleep(chance.uniform(0.0, 2 * sorted(usual)[2]))
         os.kill(process, signal.SIGKILL)
         os.waitpid(process, 0)
         told = drained(pipe)
@@ -154,10 +154,10 @@ def pressing(url: str, first: int):
     """Submits, leases and finishes without end; tells the number of every accepted job."""
 
     def work(pipe: int) -> None:
-        store = Store.open(url, queue=10**6)
-        number = first
+        store, number = None, first
         while True:
             try:
+                store = store or Store.open(url, queue=10**6)
                 store.submit("simulate", {"number": number}, [], f"key {number}")
                 os.write(pipe, struct.pack("<q", number))
                 number += 1
@@ -249,7 +249,7 @@ def kills(url: str, jobs: int, times: int, seed: int, cache: str, patience: floa
         get_context=lambda _: ready, parent_process=multiprocessing.parent_process
     )
     store = Counting(Database(url))
-    settings = Settings(db=url, workers=2, lease=5, cache=cache, warm=False)
+    settings = Settings(db=url, workers=2, lease=5, cache=cache, warm=False, nice=0)
     worker = Worker(settings, store)
     worker.start()
     names = [store.submit("simulate", cheap(number), []).job.id for number in range(jobs)]
@@ -341,7 +341,7 @@ def readonly(folder: str) -> dict:
 def servant(url: str, cache: str) -> None:
     """A server without its web: a worker that runs until SIGTERM."""
     store = Store.open(url, queue=10**6)
-    worker = Worker(Settings(db=url, workers=1, lease=2, cache=cache, warm=False), store)
+    worker = Worker(Settings(db=url, workers=1, lease=2, cache=cache, warm=False, nice=0), store)
     over = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: over.set())
     worker.start()

@@ -118,8 +118,9 @@ def test_a_damaged_database_is_refused_and_not_touched(tmp_path):
     path = tmp_path / "jobs.db"
     filled(path)
     whole = path.read_bytes()
+    page = database.PAGE
     for spoiled in (
-        whole[:4096] + os.urandom(8192) + whole[12288:],  # pages overwritten
+        whole[:page] + os.urandom(2 * page) + whole[3 * page :],  # pages overwritten
         whole[: len(whole) // 2],  # torn
         whole[:50] + os.urandom(50) + whole[100:],  # a header of nonsense
     ):
@@ -142,8 +143,8 @@ def test_damage_met_at_work_is_told_as_damage(tmp_path):
     store = Store.open(f"sqlite:///{path}")
     with path.open("r+b") as file:
         size = path.stat().st_size
-        file.seek(4096)
-        file.write(os.urandom(size - 8192))
+        file.seek(database.PAGE)
+        file.write(os.urandom(size - 2 * database.PAGE))
 
     def work() -> None:
         for row in range(100):

@@ -1,5 +1,6 @@
 """What jobs do, without database and processes: files in, files out."""
 
+import csv
 import dataclasses
 import io as streams
 import json
@@ -16,7 +17,7 @@ from jshell.calibration import BatchResult, Recordings, fit_batch
 from jshell.calibration.recordings import gathered
 from jshell.errors import BadFile, JshellError, Outcome
 from jshell.oscillator import random_shell, random_trace
-from jshell.service import batches, tasks
+from jshell.service import archives, batches, parts, tasks
 from jshell.trace import Trace
 
 CONDITIONS = {"d_hat": 0.08, "P0_hat": 0.9, "Pext_hat": 1.2, "eta_hat": 0.004}
@@ -97,6 +98,9 @@ def test_a_fit_is_the_librarys_own_to_the_bit(noisy, tmp_path):
         "alpha1", expected["alpha1"].value, expected["alpha1"].stderr,
     )  # fmt: skip
     assert answer.files["record.nc"].startswith(b"\x89HDF")
+    named = dataclasses.replace(expected.estimates[0], name="offset[V, left]")
+    rows = csv.reader(streams.StringIO(tasks._parameters(dataclasses.replace(expected, estimates=(named,))).decode()))
+    assert list(rows)[1][:2] == ["offset[V, left]", repr(named.value)]  # a comma in a name parts no cells
 
 
 def test_fits_of_many_lengths_share_their_programs(noisy, tmp_path):
@@ -160,7 +164,46 @@ def test_an_upload_of_arrays_is_a_batch(short):
     assert answer.error is None
     found = batches.unpack_result(answer.files["record.npz"])
     assert [one.word for one in found.outcomes] == ["unusable_data"] * 2
-    assert answer.files["table.csv"].decode().splitlines()[1].startswith("1,unusable_data,nan")
+    assert batches.table(answer.files["record.npz"]).decode().splitlines()[1].startswith("1,unusable_data,nan")
+
+
+def same(found: BatchResult, expected: BatchResult) -> None:
+    for name in BatchResult.__dataclass_fields__:
+        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name), err_msg=name)
+
+
+def test_parts_of_a_batch_are_put_together_in_their_order(short, monkeypatch):
+    monkeypatch.setattr(parts, "STEP", 1)
+    monkeypatch.setattr(parts, "BYTES", 1)
+    assert [np.shape(part.values)[0] for part in parts.split(short)] == [1, 1]
+    expected = dataclasses.replace(fit_batch(short), free_directions=((1, "k_vs"),), tried=np.array([0, 7]))
+    first, second = (fit_batch(part) for part in parts.split(short))
+    second = dataclasses.replace(second, free_directions=((0, "k_vs"),), tried=np.array([7]))
+    whole = parts.joined([first, second])
+    same(whole, expected)
+    again = parts.tried_again(whole)
+    assert list(again) == [1]
+    other = dataclasses.replace(second, n_data=np.array([18]), free_directions=((0, "alpha1"),))
+    placed = parts.placed(whole, again, other)
+    assert list(placed.n_data) == [whole.n_data[0], 18]
+    assert placed.free_directions == ((1, "alpha1"),)
+
+
+@pytest.mark.slow
+def test_parts_of_a_batch_are_the_whole_to_the_bit(monkeypatch):
+    monkeypatch.setattr(parts, "STEP", 64)
+    monkeypatch.setattr(parts, "BYTES", 1)
+    records = gathered([random_trace(random_shell(seed), seed, noise=0.01) for seed in range(150)])
+    values = np.array(records.values)
+    random = np.random.default_rng(0)
+    for row in (3, 20, 70, 71, 100, 130, 149):  # no shell's: some are tried again, with random starts
+        values[row] = random.normal(size=values[row].shape)
+    records = Recordings(records.times, values, records.conditions, records.sigma, records.counts)
+    expected = fit_batch(records, seed=3)
+    assert len(set(np.flatnonzero(expected.tried > 1) // 64)) >= 2  # in several parts
+    found = parts.joined([fit_batch(part, seed=3) for part in parts.split(records)])
+    again = parts.tried_again(found)
+    same(parts.placed(found, again, fit_batch(parts.chosen(records, again), seed=3)), expected)
 
 
 def test_a_bad_file_of_an_archive_costs_its_own_row(noisy, tmp_path, monkeypatch):
@@ -178,8 +221,30 @@ def test_a_bad_file_of_an_archive_costs_its_own_row(noisy, tmp_path, monkeypatch
     found = batches.unpack_result(answer.files["record.npz"])
     assert len(found) == 3
     assert list(found.n_data) == [40, 0, 42]  # the row of the file that could not be read stands where it stood
-    lines = answer.files["table.csv"].decode().splitlines()
+    lines = batches.table(answer.files["record.npz"]).decode().splitlines()
     assert [line.split(",")[0] for line in lines[1:]] == ["'=cmd.csv", "b.csv", "c.csv"]  # no formula
+
+
+def test_an_archive_is_numpys_own_and_read_without_its_numbers(short):
+    arrays = {"values": short.values, "one": np.array(1.5), "none": np.array([], dtype=str)}
+    expected = streams.BytesIO()
+    np.savez(expected, allow_pickle=False, **arrays)
+    assert archives.pack(arrays) == expected.getvalue()
+    squeezed = streams.BytesIO()
+    np.savez_compressed(squeezed, **arrays | {"values": np.asfortranarray(short.values)})
+    by_columns = streams.BytesIO()
+    np.savez(by_columns, **arrays | {"values": np.asfortranarray(short.values)})
+    for file in (expected, squeezed, by_columns):
+        found = archives.unpack(file.getvalue(), "a.npz")
+        for name, array in arrays.items():
+            assert found[name].dtype == array.dtype
+            np.testing.assert_array_equal(found[name], array, strict=True)
+    assert batches.count(batches.pack(short), "a.npz") == 2
+    assert batches.count(expected.getvalue().replace(b"values", b"volume"), "a.npz") == 0
+    spoiled = bytearray(expected.getvalue())
+    spoiled[spoiled.index(b"NUMPY") + 200] ^= 1  # in the middle of the numbers
+    with pytest.raises(BadFile, match=r"CRC|damaged"):
+        archives.unpack(bytes(spoiled), "a.npz")
 
 
 @pytest.mark.parametrize("content", [b"", b"PK\x03\x04 torn", b"no archive"], ids=["empty", "torn", "text"])

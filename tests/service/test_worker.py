@@ -51,7 +51,7 @@ def programs(tmp_path_factory) -> Iterator[str]:
 @pytest.fixture(scope="module")
 def running(tmp_path_factory, programs) -> Iterator[tuple[Store, Worker]]:
     store = Store.open(f"sqlite:///{tmp_path_factory.mktemp('worker') / 'jobs.db'}")
-    worker = Worker(Settings(lease=2, warm=False, cache=programs), store)
+    worker = Worker(Settings(lease=2, warm=False, cache=programs, nice=1), store)
     worker.start()
     yield store, worker
     worker.stop(10)
@@ -69,6 +69,7 @@ def test_a_job_is_done_in_a_process(running):
     assert (row.state, row.attempt, row.progress) == ("done", 1, 1.0)
     assert store.result_names(job.id) == ("trace.csv", "trace.json")
     assert slot(worker)._process in {child.pid for child in psutil.Process().children(recursive=True)}
+    assert psutil.Process(slot(worker)._process).nice() == 1
 
 
 def test_an_error_of_the_user_comes_back_in_words(running):

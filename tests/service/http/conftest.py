@@ -83,6 +83,8 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
         "--port",
         "0",
         "--cold",
+        "--nice",
+        "0",
         "--db",
         f"sqlite:///{folder / 'jobs.db'}",
     ]

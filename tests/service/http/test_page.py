@@ -6,11 +6,14 @@ One service and one fit serve the browser, the client and the API, for starting 
 from collections.abc import Iterator
 
 import httpx
+import numpy as np
 import pytest
 from playwright.sync_api import expect, sync_playwright
 
 import jshell
+from jshell.calibration import BatchResult, Recordings, fit_batch
 from jshell.errors import BadName, BadValue
+from jshell.service import batches, parts
 
 from .conftest import RECORDING
 
@@ -219,6 +222,24 @@ def test_the_client_gives_the_librarys_own_objects(served, fitted):
             client.submit(RECORDING, fix={"alpha9": 1.0})
         with pytest.raises(BadName, match="strict loss"):
             client.fit(RECORDING, loss="strict", seconds=60)
+
+
+def test_a_batch_goes_up_in_parts_and_its_table_is_made_when_asked_for(served, monkeypatch):
+    monkeypatch.setattr(parts, "STEP", 1)
+    monkeypatch.setattr(parts, "BYTES", 1)
+    shells = jshell.Reduced(*(np.full(3, x) for x in (0.22, 0.9, 1.6, 0.004, 1.4, 0.5)))
+    values = np.random.default_rng(0).normal(size=(3, 2, 20))  # too short to be fitted: nothing is compiled
+    records = Recordings(0.1 * np.arange(20.0), values, shells, np.full((3, 2), 0.1), np.array([20, 19, 18]))
+    with jshell.Client(served) as client:
+        found, expected = client.fit_batch(records, seconds=100), fit_batch(records)
+        for name in BatchResult.__dataclass_fields__:
+            np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
+        made = [job for job in client.jobs("batch") if job.state == "done"]
+        assert len(made) == 3
+    link = f"{served}/api/v1/batches/{made[0].id}"
+    assert httpx.get(f"{link}.csv", timeout=30, trust_env=False).text.splitlines()[1].startswith("1,unusable_data,")
+    record = httpx.get(f"{link}.npz", timeout=30, trust_env=False).content
+    assert batches.unpack_result(record).outcomes == expected.outcomes[2:]
 
 
 def test_a_running_fit_is_cancelled_from_its_page(page, served):

@@ -1,0 +1,133 @@
+"""Arrays and files in one archive: written with one copy, looked at where they lie.
+
+`np.load` copies every array twice and `np.savez` three times, which for tens of
+megabytes takes as long as the fits. The bytes are the same.
+
+Source     Python `zipfile`; NumPy `numpy.lib.format`, the NPY format
+"""
+
+import io as streams
+import struct
+import zipfile
+import zlib
+from collections.abc import Collection, Mapping
+from pathlib import PurePath
+from typing import Any
+
+import numpy as np
+from numpy.lib import format as npy
+
+from jshell.errors import BadFile
+from jshell.io.files import SPOILED, check_size
+
+
+def pack(arrays: Mapping[str, np.ndarray]) -> bytes:
+    """Arrays as `np.savez` writes them, each copied once."""
+    file = streams.BytesIO()
+    with zipfile.ZipFile(file, "w") as archive:
+        for name, array in arrays.items():
+            whole = np.ascontiguousarray(array).reshape(array.shape)
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+                npy.write_array_header_1_0(member, npy.header_data_from_array_1_0(whole))
+                member.write(whole.reshape(-1).view(np.uint8).data)
+    return file.getvalue()
+
+
+def unpack(content: bytes, name: str, *, heads: Collection[str] = ()) -> dict[str, np.ndarray]:
+    """Arrays of an archive, read-only; those that are not compressed are looked at where they lie.
+
+    Of `heads` only the shapes are read: they are zeros, which take no memory.
+
+    Raises:
+        BadFile: No archive of plain arrays, a damaged one, or too large.
+    """
+    names(content, name)
+    blank = tuple(f"{one}.npy" for one in heads)
+    try:
+        with zipfile.ZipFile(streams.BytesIO(content)) as archive:
+            members = [one for one in archive.infolist() if one.filename.endswith(".npy")]
+            return {
+                one.filename.removesuffix(".npy"): (_blank if one.filename in blank else _array)(archive, one, content)
+                for one in members
+            }
+    except SPOILED as error:
+        raise _no_archive(name, error) from None
+
+
+def _blank(archive: zipfile.ZipFile, member: zipfile.ZipInfo, content: bytes) -> np.ndarray:
+    with archive.open(member) as file:
+        shape, _, kind = _head(file)
+    return np.broadcast_to(np.zeros((), kind), shape)
+
+
+def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo, content: bytes) -> np.ndarray:
+    with archive.open(member) as file:
+        if member.compress_type != zipfile.ZIP_STORED:
+            return npy.read_array(file, allow_pickle=False)
+        shape, by_columns, kind = _head(file)
+        head = file.tell()
+    if kind.hasobject:
+        raise ValueError("an array of objects")
+    begin = _begin(content, member)
+    whole = memoryview(content)[begin : begin + member.file_size]
+    if zlib.crc32(whole) != member.CRC:
+        raise zipfile.BadZipFile(f"{member.filename} is damaged")
+    found = np.frombuffer(whole[head:], kind, int(np.prod(shape, dtype=object)))
+    return found.reshape(shape, order="F" if by_columns else "C")
+
+
+def _head(file: Any) -> tuple[tuple[int, ...], bool, np.dtype]:
+    """Shape, whether by columns, and kind of an array."""
+    version = npy.read_magic(file)
+    if version == (1, 0):
+        return npy.read_array_header_1_0(file)
+    if version == (2, 0):
+        return npy.read_array_header_2_0(file)
+    raise ValueError(f"version {version} of the format")
+
+
+def _begin(content: bytes, member: zipfile.ZipInfo) -> int:
+    """Where the bytes of a member begin: after its own head, its name and what else stands there."""
+    at = member.header_offset
+    name, more = struct.unpack("<HH", content[at + 26 : at + 30])
+    return at + 30 + name + more
+
+
+def names(content: bytes, name: str) -> set[str]:
+    """Names of the arrays of an archive, once their sizes are known to be bearable.
+
+    Raises:
+        BadFile: No archive, or too large.
+    """
+    try:
+        with zipfile.ZipFile(streams.BytesIO(content)) as archive:
+            check_size(name, sum(member.file_size for member in archive.infolist()))
+            return {member.filename.removesuffix(".npy") for member in archive.infolist()}
+    except BadFile:
+        raise
+    except SPOILED as error:
+        raise _no_archive(name, error) from None
+
+
+def files(name: str, content: bytes) -> list[tuple[str, bytes]]:
+    """Name and bytes of every file of an archive.
+
+    Raises:
+        BadFile: No archive, a damaged one, or too large.
+    """
+    names(content, name)
+    try:
+        with zipfile.ZipFile(streams.BytesIO(content)) as archive:
+            found = [member for member in archive.infolist() if not member.is_dir()]
+            return [(PurePath(member.filename).name, archive.read(member)) for member in found]
+    except SPOILED as error:
+        raise _no_archive(name, error) from None
+
+
+def _no_archive(name: str, error: BaseException) -> BadFile:
+    return BadFile(
+        name,
+        found=f"no archive that can be read ({str(error) or type(error).__name__})",
+        expected="arrays in .npz, or trace files in .zip",
+        remedy="Write it again.",
+    )
