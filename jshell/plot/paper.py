@@ -178,7 +178,7 @@ def trends(material: Material) -> Figure:
             remedy="Run the shipped design to its end.",
         )  # fmt: skip
     nearest = {int(rows[np.argmin(np.abs(np.log(runs.viscosity[rows] / eta)))]) for eta in LIQUIDS}
-    return paper_trends.trends(runs, {float(runs.viscosity[k]): results[k].trace for k in nearest})
+    return paper_trends.trends(runs, {k: results[k].trace for k in nearest})
 
 
 def attached(material: Material) -> Figure:

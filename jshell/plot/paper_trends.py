@@ -21,20 +21,20 @@ THICK = 0.22
 COLOURS = (BLUE, GREEN, ORANGE, VERMILION)
 
 
-def trends(runs: ShellRuns, kicks: Mapping[float, Trace]) -> Figure:
+def trends(runs: ShellRuns, kicks: Mapping[int, Trace]) -> Figure:
     """V after the same small kick in liquids ever thicker, and the area at rest of every buckled shell.
 
     Args:
         runs: The campaign.
-        kicks: Viscosity to the record of a kick.
+        kicks: Row of the campaign to the record of its kick.
     """
     with style():
         figure = new_figure((7.6, 3.2))
         left, right = figure.subplots(1, 2)
         left.axhline(0.0, color=GREY, linewidth=0.8, zorder=0)
-        for colour, eta in zip(COLOURS, sorted(kicks), strict=False):
-            times, swing = _swing(kicks[eta])
-            left.plot(times, swing, color=colour, linewidth=1.2, label=f"η̂ = {eta:g}")
+        for colour, row in zip(COLOURS, sorted(kicks, key=lambda row: runs.viscosity[row]), strict=False):
+            times, swing = _swing(kicks[row], runs.volume[row])
+            left.plot(times, swing, color=colour, linewidth=1.2, label=f"η̂ = {runs.viscosity[row]:g}")
         left.set_xlim(0.0, SHOWN)
         left.set_xlabel("time after the kick's height t [√(ρ R₀³/E d)]")
         left.set_ylabel("(V − V$_e$)/(V$_t$ − V$_e$)")
@@ -59,9 +59,9 @@ def trends(runs: ShellRuns, kicks: Mapping[float, Trace]) -> Figure:
     return figure
 
 
-def _swing(trace: Trace) -> tuple[np.ndarray, np.ndarray]:
-    """From where the kick has thrown V on: time, and V over that height, both about the end."""
+def _swing(trace: Trace, rest: float) -> tuple[np.ndarray, np.ndarray]:
+    """From where the kick has thrown V on: time, and V over that height, both about the volume at rest."""
     V = np.asarray(trace["V"], dtype=float)
     top = int(np.argmax(V))
     times = np.asarray(trace.times, dtype=float)[top:]
-    return times - times[0], (V[top:] - V[-1]) / (V[top] - V[-1])
+    return times - times[0], (V[top:] - rest) / (V[top] - rest)

@@ -127,17 +127,17 @@ class Store:
                 known = connection.execute(statements.KEY, {"key": key}).one_or_none()
                 if known is not None:
                     return self._same(connection, known, content)
-            row = connection.execute(statements.LIVE_JOB, {"content": content}).one_or_none()
-            made = row is None
-            if row is None:
-                self._recent.require(connection, traces)
-                waiting = connection.execute(statements.WAITING).scalar_one()
-                if waiting >= self.queue:
+            self._recent.require(connection, traces)
+            waiting = connection.execute(statements.WAITING).scalar_one()
+            if waiting < self.queue:
+                row, made = self._insert(connection, kind, text, traces, content)
+            else:
+                row, made = connection.execute(statements.LIVE_JOB, {"content": content}).one_or_none(), False
+                if row is None:
                     raise QueueFull(
                         "queue", found=f"{waiting} waiting jobs", expected=f"fewer than {self.queue}",
                         remedy="Try again later.",
                     )  # fmt: skip
-                row, made = self._insert(connection, kind, text, traces, content)
             if key is not None:
                 stored = self._insert_key(connection, key, content, row.id)
                 if not stored:  # another server was faster with this key
