@@ -245,6 +245,21 @@ def test_backward_derivative_of_a_run_is_the_forward_one(forward, R):
     assert float(backward) == pytest.approx(float(weights @ forward[1][0]), rel=1e-8)
 
 
+@pytest.mark.slow
+def test_the_derivative_through_the_snap_is_its_difference(make_problem):
+    def mean(load):
+        trace = simulate(make_problem(0.22, 0.9, load, 0.004), duration=45.0, elements=16)
+        return jnp.mean(trace["V"]), trace["V"]
+
+    along = jax.jit(lambda load: jax.jvp(mean, (load,), (jnp.ones_like(load),), has_aux=True))
+    _, slope, V = along(jnp.asarray(1.62))
+    assert float(V.min()) < 0.7 * 4 * np.pi / 3  # it has snapped
+    h = 1e-5
+    ahead, behind = (float(along(jnp.asarray(1.62 + sign * h))[0]) for sign in (1, -1))
+    # asked: 1e-2
+    assert float(slope) == pytest.approx((ahead - behind) / (2 * h), rel=1e-5)
+
+
 # ---- requests that cannot be carried out
 
 
