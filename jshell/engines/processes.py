@@ -1,33 +1,42 @@
 """A pool of spawned processes in which the death of one costs one task.
 
 The standard pool is broken for ever once a worker dies, and takes every task
-in it along. Here each worker is a pool of its own with one task at a time: when it dies,
-the task it ran is lost and said to be, the worker is replaced, and whatever
-waits or runs elsewhere goes on. Spawned, never forked: JAX has threads.
+in it along; and a worker that is killed while its result is on the way leaves
+it waiting for ever, for it holds the writing end of its own pipe. Here each
+worker has a pipe of which only it holds the other end, so that its death is
+the end of the pipe. It is replaced, and whatever waits or runs elsewhere goes
+on. Spawned, never forked: JAX has threads.
 
-Source     Python standard library: concurrent.futures.ProcessPoolExecutor, BrokenProcessPool
+Source     Python standard library: multiprocessing, concurrent.futures.Executor
 """
 
-import concurrent.futures
+import contextlib
 import multiprocessing
 import os
+import pickle
 import signal
 import tempfile
 import threading
+import traceback
 from collections import deque
-from collections.abc import Callable
-from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor, Future
 from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from typing import Any
 
 import jax
 
 from jshell.errors import BadValue, WorkerLost
 
-CACHE_SETTINGS = (
+SETTINGS = (
     "jax_compilation_cache_dir",
     "jax_persistent_cache_min_compile_time_secs",
     "jax_persistent_cache_min_entry_size_bytes",
+    "jax_enable_x64",
+    "jax_numpy_rank_promotion",
 )
+PATIENCE = 10.0  # [s] in which an idle process ends by itself
 
 
 @dataclass(eq=False)
@@ -44,20 +53,56 @@ class Task:
         return f"task {getattr(fn, '__qualname__', repr(fn))}({shown})"
 
 
-@dataclass(eq=False)
 class Worker:
-    """One process, as a pool of one; its process id once it has begun."""
+    """One process and our end of its pipe; replaced when it has died.
 
-    pool: ProcessPoolExecutor
-    process: Future
-    task: Task | None = None
+    Args:
+        settings: Of JAX, by name.
+    """
+
+    def __init__(self, settings: Mapping[str, Any]) -> None:
+        self.task: Task | None = None
+        self._settings = dict(settings)
+        self._begin()
+
+    def ask(self, call: bytes) -> tuple[Any, Exception | None]:
+        """What a call returned, or what it raised.
+
+        Raises:
+            EOFError, OSError: The process died; or another could not be started.
+        """
+        if self._killed or not self._process.is_alive():  # it died while it was idle
+            self.end()
+            self._begin()
+        try:
+            self._pipe.send_bytes(call)
+            return pickle.loads(self._pipe.recv_bytes())
+        except (EOFError, OSError):
+            self.kill()
+            raise
 
     def kill(self) -> None:
-        """End the process now; one that has not begun yet is awaited first, so that it cannot outlive us."""
+        """End the process now."""
+        self._killed = True
+        self._process.kill()
+
+    def end(self) -> None:
+        """End the process, which has nothing to do."""
+        self._pipe.close()
+        self._process.join(PATIENCE)
+        if self._process.is_alive():
+            self._process.kill()
+            self._process.join()
+
+    def _begin(self) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._pipe, other = context.Pipe()
+        self._process = context.Process(target=_serve, args=(other, self._settings), daemon=True)
+        self._killed = False
         try:
-            os.kill(self.process.result(timeout=60), signal.SIGKILL)
-        except (BrokenExecutor, TimeoutError, ProcessLookupError):
-            return  # already gone
+            self._process.start()
+        finally:
+            other.close()  # else its end would not be the end of the pipe
 
 
 class Processes(Executor):
@@ -79,17 +124,21 @@ class Processes(Executor):
             raise BadValue(
                 "workers", found=str(workers), expected="at least 1", remedy="Use as many as there are cores."
             )
-        self._context = multiprocessing.get_context("spawn")
-        self._settings = {name: getattr(jax.config, name) for name in CACHE_SETTINGS}
-        self._settings |= {name: getattr(jax.config, name) for name in ("jax_enable_x64", "jax_numpy_rank_promotion")}
+        settings = {name: getattr(jax.config, name) for name in SETTINGS}
         self._cache = None
-        if not self._settings["jax_compilation_cache_dir"]:
+        if not settings["jax_compilation_cache_dir"]:
             self._cache = tempfile.TemporaryDirectory(prefix="jshell-compiled-", ignore_cleanup_errors=True)
-            self._settings["jax_compilation_cache_dir"] = self._cache.name
-        self._change = threading.RLock()
+            settings["jax_compilation_cache_dir"] = self._cache.name
+        self._change = threading.Condition()
         self._waiting: deque[Task] = deque()
         self._closed = False
-        self._workers = [self._worker() for _ in range(workers)]
+        self._workers = [Worker(settings) for _ in range(workers)]
+        self._threads = [
+            threading.Thread(target=self._live, args=(worker,), name=f"jshell process {number}", daemon=True)
+            for number, worker in enumerate(self._workers)
+        ]
+        for thread in self._threads:
+            thread.start()
 
     def submit(self, fn: Callable, /, *args, **kwargs) -> Future:
         """Schedule a call of an importable function; its arguments and its result are pickled.
@@ -97,12 +146,12 @@ class Processes(Executor):
         Raises:
             RuntimeError: The engine is closed.
         """
+        task = Task(Future(), (fn, args, kwargs))
         with self._change:
             if self._closed:
                 raise RuntimeError("cannot schedule new futures after shutdown")
-            task = Task(Future(), (fn, args, kwargs))
             self._waiting.append(task)
-        self._hand_out()
+            self._change.notify()
         return task.future
 
     def stop(self, future: Future) -> bool:
@@ -115,10 +164,9 @@ class Processes(Executor):
             return True
         with self._change:
             worker = next((w for w in self._workers if w.task is not None and w.task.future is future), None)
-        if worker is None:
-            return False
-        worker.kill()
-        return True
+            if worker is not None:
+                worker.kill()
+        return worker is not None
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """Take no more tasks; waiting ones are still done unless cancelled."""
@@ -127,91 +175,93 @@ class Processes(Executor):
             dropped = list(self._waiting) if cancel_futures else []
             for task in dropped:
                 self._waiting.remove(task)
-            unfinished = [w.task.future for w in self._workers if w.task] + [task.future for task in self._waiting]
+            self._change.notify_all()
         for task in dropped:
             task.future.cancel()
             task.future.set_running_or_notify_cancel()
         if wait:
-            concurrent.futures.wait(unfinished)
-            self._end()
+            for thread in self._threads:
+                thread.join()
+            if self._cache is not None:
+                self._cache.cleanup()
 
     def __exit__(self, kind, fault, traceback) -> None:
         if kind is not None:
             self.shutdown(wait=False, cancel_futures=True)
-            for worker in [worker for worker in self._workers if worker.task is not None]:
-                worker.kill()
+            with self._change:
+                for worker in self._workers:
+                    if worker.task is not None:
+                        worker.kill()
         self.shutdown(wait=True)
 
-    def _end(self) -> None:
-        for worker in self._workers:
-            worker.pool.shutdown(wait=True)
-        if self._cache is not None:
-            self._cache.cleanup()
+    def _live(self, worker: Worker) -> None:
+        """Let a worker do one task after another, until the engine is closed and none waits."""
+        while (task := self._next()) is not None:
+            if not task.future.set_running_or_notify_cancel():
+                continue
+            with self._change:
+                worker.task = task
+            value, fault = _asked(worker, task)
+            with self._change:
+                worker.task = None
+            if fault is None:
+                task.future.set_result(value)
+            else:
+                task.future.set_exception(fault)
+        worker.end()
 
-    def _worker(self) -> Worker:
-        pool = ProcessPoolExecutor(1, self._context, initializer=_begin, initargs=(self._settings,))
-        return Worker(pool, pool.submit(os.getpid))
-
-    def _hand_out(self) -> None:
-        """Give waiting tasks to idle workers; callbacks are added outside the lock."""
-        begun = []
+    def _next(self) -> Task | None:
         with self._change:
-            for place, idle in enumerate(self._workers):
-                while idle.task is None and self._waiting:
-                    task = self._waiting.popleft()
-                    if not task.future.set_running_or_notify_cancel():
-                        continue
-                    worker, inner = self._start(idle, task)
-                    self._workers[place] = idle = worker
-                    begun.append((worker, inner))
-        for worker, inner in begun:
-            inner.add_done_callback(lambda done, worker=worker: self._finished(worker, done))
-
-    def _start(self, worker: Worker, task: Task) -> tuple[Worker, Future]:
-        """The task's own future on a worker, or on its replacement where the worker died while idle."""
-        fn, args, kwargs = task.call
-        try:
-            inner = worker.pool.submit(fn, *args, **kwargs)
-        except BrokenExecutor:
-            worker.pool.shutdown(wait=False)
-            worker = self._worker()
-            inner = worker.pool.submit(fn, *args, **kwargs)
-        worker.task = task
-        return worker, inner
-
-    def _finished(self, worker: Worker, inner: Future) -> None:
-        fault = inner.exception()
-        task = worker.task
-        assert task is not None
-        lost = isinstance(fault, BrokenExecutor)
-        with self._change:
-            worker.task = None
-        if lost:
-            task.future.set_exception(
-                WorkerLost(
-                    task.name,
-                    found="its process died",
-                    expected="a process that lives until its task is done",
-                    remedy="Submit it again; if it dies again, it needs more memory than there is, or the script that "
-                    "starts it lacks `if __name__ == '__main__':`.",
-                )
-            )
-        elif fault is not None:
-            task.future.set_exception(fault)
-        else:
-            task.future.set_result(inner.result())
-        self._hand_out()
+            while not self._waiting and not self._closed:
+                self._change.wait()
+            return self._waiting.popleft() if self._waiting else None
 
 
-def _begin(settings: dict) -> None:
-    """In the new process: JAX as in the parent, and an end as soon as the parent is gone."""
+def _asked(worker: Worker, task: Task) -> tuple[Any, Exception | None]:
+    """What a task returned, or why it did not."""
+    try:
+        call = pickle.dumps(task.call)
+    except Exception as fault:  # whatever an object raises that cannot be pickled
+        return None, fault
+    try:
+        return worker.ask(call)
+    except (EOFError, OSError):
+        return None, WorkerLost(
+            task.name,
+            found="its process died",
+            expected="a process that lives until its task is done",
+            remedy="Submit it again; if it dies again, it needs more memory than there is, or the script that "
+            "starts it lacks `if __name__ == '__main__':`.",
+        )
+    except Exception as fault:  # whatever an object raises that cannot be unpickled
+        return None, fault
+
+
+def _serve(pipe: Connection, settings: Mapping[str, Any]) -> None:
+    """In the new process: JAX as in the parent, then call after call until the pipe ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's, which ends what it began
     for name, value in settings.items():
         jax.config.update(name, value)
+    threading.Thread(target=_end_with_parent, daemon=True, name="jshell parent watch").start()
+    with contextlib.suppress(EOFError, OSError):
+        while True:
+            pipe.send_bytes(_answer(pipe.recv_bytes()))
+
+
+def _answer(call: bytes) -> bytes:
+    try:
+        fn, args, kwargs = pickle.loads(call)
+        return pickle.dumps((fn(*args, **kwargs), None))
+    except Exception as fault:  # the task's own, kept for whoever asks for its result
+        fault.add_note("In a process of the engine:\n" + "".join(traceback.format_exception(fault)))
+        try:
+            return pickle.dumps((None, fault))
+        except Exception:  # an exception that holds what cannot be pickled
+            return pickle.dumps((None, RuntimeError("".join(traceback.format_exception(fault)))))
+
+
+def _end_with_parent() -> None:
     parent = multiprocessing.parent_process()
-
-    def watch() -> None:
-        if parent is not None:
-            parent.join()
-            os._exit(1)
-
-    threading.Thread(target=watch, daemon=True, name="jshell parent watch").start()
+    if parent is not None:
+        parent.join()
+        os._exit(1)

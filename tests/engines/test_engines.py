@@ -4,6 +4,9 @@ import concurrent.futures
 import operator
 import os
 import signal
+import struct
+import sys
+import threading
 import time
 from concurrent.futures import Future
 
@@ -65,6 +68,41 @@ def test_dead_process_costs_its_own_task_and_is_replaced():
     assert not alive(began)
 
 
+def half_an_answer() -> None:
+    """In the process: a message that says it is long, a few bytes of it, and death."""
+    frame = sys._getframe()
+    while "pipe" not in frame.f_locals:
+        assert frame.f_back is not None
+        frame = frame.f_back
+    os.write(frame.f_locals["pipe"].fileno(), struct.pack("!i", 10**6) + b"half")
+    signal.raise_signal(signal.SIGKILL)
+
+
+def test_death_in_the_middle_of_an_answer_is_a_death():
+    with engines.open("processes:1") as engine:
+        with pytest.raises(WorkerLost, match="half_an_answer"):
+            engine.submit(half_an_answer).result(timeout=PATIENCE)
+        assert engine.submit(operator.add, 1, 1).result(timeout=PATIENCE) == 2
+
+
+def test_a_process_killed_while_idle_is_replaced_and_costs_nothing():
+    with engines.open("processes:1") as engine:
+        pid = engine.submit(os.getpid).result(timeout=PATIENCE)
+        os.kill(pid, signal.SIGKILL)
+        os.waitid(os.P_PID, pid, os.WEXITED | os.WNOWAIT)
+        assert engine.submit(os.getpid).result(timeout=PATIENCE) != pid
+
+
+def test_faults_of_a_task_come_back_with_where_they_arose():
+    with engines.open("processes:1") as engine:
+        fault = engine.submit(operator.truediv, 1, 0).exception(timeout=PATIENCE)
+        assert isinstance(fault, ZeroDivisionError)
+        assert "Traceback" in fault.__notes__[0]
+        for unsendable in (lambda: 1, threading.Lock):
+            fault = engine.submit(unsendable).exception(timeout=PATIENCE)
+            assert "pickle" in str(fault)
+
+
 def leave_by_an_exception() -> tuple[int, Future, Future]:
     """Begin two tasks, then fail; the worker, the running and the waiting task."""
     found = ()
@@ -72,6 +110,8 @@ def leave_by_an_exception() -> tuple[int, Future, Future]:
         with engines.open("processes:1") as engine:
             pid = engine.submit(os.getpid).result(timeout=PATIENCE)
             found = pid, engine.submit(time.sleep, 600.0), engine.submit(operator.add, 1, 1)
+            while not found[1].running():
+                time.sleep(0.01)
             raise KeyError
     except KeyError:
         return found

@@ -7,9 +7,10 @@ import socket
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
-from crash import Counting, cheap
+from crash import TIMEOUT, Counting, cheap
 
 from jshell.service.database import Database
 from jshell.service.settings import Settings
@@ -88,14 +89,12 @@ def late(url: str, cache: str) -> dict:
     assert frozen.stdout is not None
     assert frozen.stdout.readline() == "started\n"
     job = store.submit("simulate", cheap(1) | {"every": 5e-6}, []).job.id
-    while store.job(job).state != "running":
-        time.sleep(0.02)
+    _wait(lambda: store.job(job).state == "running")
     first = store.job(job)
     frozen.send_signal(signal.SIGSTOP)
     worker = Worker(Settings(db=url, lease=2, cache=cache, warm=False), store)
     worker.start()
-    while not store.job(job).over:
-        time.sleep(0.1)
+    _wait(lambda: store.job(job).over)
     frozen.send_signal(signal.SIGCONT)
     # what the frozen one would say now, and what it says itself in the seconds that follow
     refused = int(not store.finish(job, first.owner or "", first.attempt, {"late": b""}))
@@ -109,6 +108,14 @@ def late(url: str, cache: str) -> dict:
     recorded = store.recorded[job] + ("late" in names)
     store.close()
     return {"state": row.state, "attempt": row.attempt, "recorded": recorded, "refused": refused}
+
+
+def _wait(until: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + TIMEOUT
+    while not until():
+        if time.monotonic() > deadline:
+            raise TimeoutError("the service does not do its job")
+        time.sleep(0.02)
 
 
 COMMANDS = {
