@@ -6,8 +6,9 @@ them, else those named:
     .venv/bin/python benchmarks/serving.py clients full batch
 
 `clients`: 32 clients hand in 1 000 different fits while the worker fits them. `full`: the same against a short queue.
-`batch`: 10 000 traces handed in at once against `fit_batch` in this process, both warm, in turn; the same numbers to
-the bit, else it fails.
+`batch`: 10 000 traces handed in at once, as arrays in memory, as one file of arrays, as files of traces in an archive;
+against `fit_batch` in this process from the same arrays, file and files, both warm, in turn; the same numbers to the
+bit, else it fails. `floor.py` shows what the least that any service does would leave of it.
 """
 
 import contextlib
@@ -20,16 +21,19 @@ import sys
 import tempfile
 import threading
 import time
+import zipfile
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from urllib.parse import urlsplit
 
 import numpy as np
 
-from jshell import Client
+from jshell import Client, Reduced
 from jshell.calibration import Recordings, fit_batch
-from jshell.service import batches, tasks
+from jshell.io import read_trace, write_trace
+from jshell.service import batches
+from jshell.trace import Trace
 
 CLIENTS, FITS = 32, 1_000
 ROWS, TURNS = 10_000, 3
@@ -136,39 +140,62 @@ def full() -> None:
 
 
 def batch() -> None:
-    """10 000 traces of 400 samples in one call, other ones in every turn: the service keeps equal bytes once."""
+    """10 000 traces of 400 samples in one call, beside the library's own way with the same traces.
+
+    Other ones in every turn, for the service keeps equal bytes once.
+    """
     from fits import recordings
 
     records, _ = recordings(ROWS, 0.01)
     fit_batch(records)
     print(f"\n### one batch of {ROWS} traces of 400 samples, {records.values.nbytes / 2**20:.0f} MiB\n")
-    print("| worker processes | | best of 3 [s] | traces/s | of arrays | of files |\n|---|---|---|---|---|---|")
-    for workers in ("1", "2"):
-        rows = []
-        with served("--workers", workers) as address, Client(address, timeout=600) as client:
-            client.fit_batch(records, seed=TURNS, seconds=1800)  # every process has compiled
-            for turn in range(TURNS):
-                records = changed(records)
-                packed = batches.pack(records)
-                begun = time.perf_counter()
-                here = fit_batch(records, seed=turn)
-                fitted = time.perf_counter()
-                answer = tasks.run("batch", {"seed": turn}, [("batch.npz", packed)])
-                batches.table(answer.files["record.npz"])
-                done = time.perf_counter()
-                there = client.fit_batch(records, seed=turn, seconds=1800)
-                rows.append((fitted - begun, done - fitted, time.perf_counter() - done))
-                if not np.array_equal(here.values, there.values, equal_nan=True):
-                    raise RuntimeError("other numbers through HTTP than here")
-        best = np.min(rows, axis=0)
-        names = (
-            "fit_batch, arrays in memory",
-            "the same, from a file to a file and a table",
-            "Client.fit_batch through HTTP",
+    print("| handed in as | worker processes | library [s] | through HTTP [s] | of the library's throughput |")
+    print("|---|---|---|---|---|")
+    with tempfile.TemporaryDirectory() as folder:
+        for workers in ("1", "2"):
+            with served("--workers", workers) as address, Client(address, timeout=600) as client:
+                client.fit_batch(records, seed=TURNS, seconds=1800)  # every process has compiled
+                for kind, turns in (("arrays", TURNS), ("npz", TURNS), ("trace files", 1)):
+                    spent = []
+                    for turn in range(turns):
+                        records = changed(records)
+                        mine, theirs = handed(kind, records, Path(folder))
+                        begun = time.perf_counter()
+                        here = mine(turn)
+                        fitted = time.perf_counter()
+                        there = theirs(client, turn)
+                        spent.append((fitted - begun, time.perf_counter() - fitted))
+                        if not np.array_equal(here.values, there.values, equal_nan=True):
+                            raise RuntimeError("other numbers through HTTP than here")
+                    best = np.min(spent, axis=0)
+                    ratio = best[0] / best[1]
+                    print(f"| {kind} | {workers} | {best[0]:.2f} | {best[1]:.2f} | {ratio:.2f} |", flush=True)
+
+
+def handed(kind: str, records: Recordings, folder: Path) -> tuple[Callable, Callable]:
+    """The library's own way from what a user has to a result, and the way over HTTP."""
+    if kind == "arrays":
+        return (
+            lambda seed: fit_batch(records, seed=seed),
+            lambda client, seed: client.fit_batch(records, seed=seed, seconds=1800),
         )
-        for name, spent in zip(names, best, strict=True):
-            ratios = f"{best[0] / spent:.2f} | {best[1] / spent:.2f}"
-            print(f"| {workers} | {name} | {spent:.2f} | {ROWS / spent:.0f} | {ratios} |", flush=True)
+    if kind == "npz":
+        path = folder / "batch.npz"
+        path.write_bytes(batches.pack(records))
+        return (
+            lambda seed: fit_batch(batches.unpack(path.read_bytes()), seed=seed),
+            lambda client, seed: client.fit_batch(path, seed=seed, seconds=1800),
+        )
+    paths, whole = [folder / f"{row:05d}.csv" for row in range(ROWS)], folder / "traces.zip"
+    conditions = np.array([np.broadcast_to(getattr(records.conditions, n), (ROWS,)) for n in batches.CONDITIONS])
+    with zipfile.ZipFile(whole, "w") as archive:
+        for path, values, mine in zip(paths, records.values, conditions.T, strict=True):
+            write_trace(path, Trace(np.asarray(records.times), dict(zip("VS", values, strict=True)), Reduced(*mine)))
+            archive.write(path, path.name)
+    return (
+        lambda seed: fit_batch([read_trace(path) for path in paths], seed=seed),
+        lambda client, seed: client.fit_batch(whole, seed=seed, seconds=1800),
+    )
 
 
 def changed(records: Recordings) -> Recordings:

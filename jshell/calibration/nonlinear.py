@@ -42,9 +42,7 @@ RESOLVED = 0.12  # ω₊ h of the fixed step: 1e-5 of the motion over ten period
 SETTLED = 1e-7  # share of χ² that the last step promises; of 800 samples it moves by a hundredth of σ, the rest less
 HIDDEN = 1e-6  # share of χ² that the adaptive integrator's error hides: a thirtieth of σ
 NOTHING = 1e-9  # the same of a record without noise, in σ²
-UNDAMPED = 1e-8
-
-
+UNDAMPED = 1e-8  # of the weights: as good as none, and the matrix stays positive
 FRESH, RUNNING = -2, -1
 WIDTH = MappingProxyType({"rk4": 128, "diffrax": 16})  # traces in flight: adaptive steps wait for each other
 OPTIONS = (1e-8, 1e-10, "forward")

@@ -10,7 +10,7 @@ import io as streams
 import struct
 import zipfile
 import zlib
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import PurePath
 from typing import Any
 
@@ -21,16 +21,39 @@ from jshell.errors import BadFile
 from jshell.io.files import SPOILED, check_size
 
 
+class _Pieces:
+    """A file kept as what was written to it, uncopied; a piece is written again only where it began."""
+
+    def __init__(self) -> None:
+        self.all: dict[int, bytes | memoryview] = {}
+        self.at = 0
+
+    def tell(self) -> int:
+        return self.at
+
+    def seek(self, at: int) -> None:
+        self.at = at
+
+    def write(self, piece: bytes | memoryview) -> int:
+        self.all[self.at] = piece
+        self.at += len(piece)
+        return len(piece)
+
+    def flush(self) -> None: ...
+
+
 def pack(arrays: Mapping[str, np.ndarray]) -> bytes:
     """Arrays as `np.savez` writes them, each copied once."""
-    file = streams.BytesIO()
-    with zipfile.ZipFile(file, "w") as archive:
+    pieces = _Pieces()
+    with zipfile.ZipFile(pieces, "w") as archive:  # pyright: ignore # it asks for no more of a file
         for name, array in arrays.items():
             whole = np.ascontiguousarray(array).reshape(array.shape)
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
-                npy.write_array_header_1_0(member, npy.header_data_from_array_1_0(whole))
+                head = streams.BytesIO()
+                npy.write_array_header_1_0(head, npy.header_data_from_array_1_0(whole))
+                member.write(head.getvalue())
                 member.write(whole.reshape(-1).view(np.uint8).data)
-    return file.getvalue()
+    return b"".join(pieces.all.values())
 
 
 def unpack(content: bytes, name: str, *, heads: Collection[str] = ()) -> dict[str, np.ndarray]:
@@ -122,6 +145,16 @@ def files(name: str, content: bytes) -> list[tuple[str, bytes]]:
             return [(PurePath(member.filename).name, archive.read(member)) for member in found]
     except SPOILED as error:
         raise _no_archive(name, error) from None
+
+
+def pack_files(given: Sequence[tuple[str, bytes]]) -> bytes:
+    """Files as one archive, not compressed; a name that stands there before is numbered."""
+    pieces, seen = _Pieces(), set()
+    with zipfile.ZipFile(pieces, "w") as archive:  # pyright: ignore # it asks for no more of a file
+        for number, (name, content) in enumerate(given):
+            archive.writestr(f"{number}/{name}" if name in seen else name, content)
+            seen.add(name)
+    return b"".join(pieces.all.values())
 
 
 def _no_archive(name: str, error: BaseException) -> BadFile:

@@ -21,7 +21,7 @@ from jshell.trace import Trace
 CONDITIONS = ("thickness", "gas_pressure", "outer_pressure", "viscosity", "kappa", "poisson_ratio")
 LARGE = ("times", "values")
 FREE = "free_directions"
-FORMULA = ("=", "+", "-", "@", "\t", "\r")
+FORMULA = ("=", "+", "-", "@", "\t", "\r")  # how a spreadsheet begins a formula
 
 
 @dataclass(frozen=True)

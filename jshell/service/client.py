@@ -20,7 +20,7 @@ from jshell import io
 from jshell.calibration import BatchResult, FitResult, Recordings, load
 from jshell.calibration.recordings import gathered
 from jshell.errors import BadValue, JshellError, MissingExtra, NotOk
-from jshell.service import batches, parts
+from jshell.service import archives, batches, parts
 from jshell.shell import Reduced
 from jshell.trace import CONDITION_FIELDS, Trace
 
@@ -181,7 +181,7 @@ class Client:
     ) -> BatchResult:
         """Fit each of many traces by itself as `jshell.calibration.fit_batch` does, there.
 
-        Arrays and traces go up in parts, each a job: one is fitted while the next is on its way.
+        They go up in parts, each a job: one is fitted while the next is on its way, and several workers share them.
 
         Args:
             traces: As in `submit_batch`.
@@ -191,10 +191,15 @@ class Client:
         Raises:
             JshellError: As `fit`; parts that are still under way are then called off.
         """
-        if isinstance(traces, str | Path) or options.get("starts"):
+        whole = [] if options.get("starts") else self._whole(traces)
+        if not isinstance(whole, Recordings) and len(whole) < 2:
             return self.submit_batch(traces, **options).result(seconds)
-        records = traces if isinstance(traces, Recordings) else gathered(list(traces))
-        return parts.fitted(records, lambda part: self.submit_batch(part, **options), seconds)
+        try:
+            return parts.fitted(whole, lambda part: self._submit_batch(*part, None, options), seconds)
+        except JshellError as error:
+            if isinstance(whole, Recordings) or error.place.startswith("job "):  # called off, or not over in time
+                raise
+            return self.submit_batch(traces, **options).result(seconds)  # a part of which no file can be read
 
     def submit_batch(
         self, traces: Recordings | Sequence[Trace] | str | Path, *, key: str | None = None, **options: Any
@@ -207,11 +212,26 @@ class Client:
             **options: Those of `fit_batch`, in plain values.
         """
         if isinstance(traces, str | Path):
-            file = (Path(traces).name, _bytes(Path(traces)))
-        else:
-            file = ("batch.npz", batches.pack(traces if isinstance(traces, Recordings) else gathered(list(traces))))
-        given = {"files": {"files": file}, "data": {"options": json.dumps(_plain(options))}}
+            return self._submit_batch(Path(traces).name, _bytes(Path(traces)), key, options)
+        records = traces if isinstance(traces, Recordings) else gathered(list(traces))
+        return self._submit_batch("batch.npz", batches.pack(records), key, options)
+
+    def _submit_batch(self, name: str, content: bytes, key: str | None, options: Mapping[str, Any]) -> Job:
+        given = {"files": {"files": (name, content)}, "data": {"options": json.dumps(_plain(options))}}
         return self._job(self._send("POST", "/batches", key=key, **given).json())
+
+    def _whole(self, traces: Recordings | Sequence[Trace] | str | Path) -> Recordings | list[tuple[str, bytes]]:
+        """A batch as what can be taken apart: records, or files."""
+        if isinstance(traces, Recordings):
+            return traces
+        if not isinstance(traces, str | Path):
+            return gathered(list(traces))
+        name, content = Path(traces).name, _bytes(Path(traces))
+        if name.lower().endswith(".zip"):
+            return archives.files(name, content)
+        if name.lower().endswith(".npz") and batches.count(content, name):
+            return batches.unpack(content, name)
+        return [(name, content)]
 
     def simulate(self, conditions: Reduced, *, seconds: float | int = 600.0, **options: Any) -> Trace:
         """A run of the simulator, there.

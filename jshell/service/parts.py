@@ -1,8 +1,8 @@
 """A batch in parts, so that one is fitted while the next is still on its way.
 
 Every record is fitted by itself, but random starts of those that ended badly are
-drawn one after another. So these go in once more, together: what comes out
-equals one call to the bit.
+drawn one after another. So these go in once more, together: what comes out of
+arrays equals one call to the bit; of files of several lengths, to rounding.
 """
 
 import time
@@ -13,11 +13,14 @@ from typing import Protocol
 import numpy as np
 
 from jshell.calibration import BatchResult, Recordings
-from jshell.service.batches import CONDITIONS
+from jshell.service import archives
+from jshell.service.batches import CONDITIONS, pack
 from jshell.shell import Reduced
 
 STEP = 1024  # records that the fit takes at once: a part is a multiple of them
 BYTES = 2**24  # of a part at most, where that is a step or more
+File = tuple[str, bytes]
+Whole = Recordings | list[File]
 
 
 class Handed(Protocol):
@@ -28,12 +31,12 @@ class Handed(Protocol):
     def cancel(self) -> object: ...
 
 
-def fitted(records: Recordings, submit: Callable[[Recordings], Handed], seconds: float | int) -> BatchResult:
-    """Records fitted part by part.
+def fitted(whole: Whole, submit: Callable[[File], Handed], seconds: float | int) -> BatchResult:
+    """A batch fitted part by part.
 
     Args:
-        records: All of them.
-        submit: Hands a part in, and returns at once.
+        whole: Records, or files of traces.
+        submit: Hands a part in, as a file, and returns at once.
         seconds: Longest time to wait.
 
     Raises:
@@ -42,8 +45,8 @@ def fitted(records: Recordings, submit: Callable[[Recordings], Handed], seconds:
     until = time.monotonic() + seconds
     handed: list[Handed] = []
     try:
-        for part in split(records):
-            handed.append(submit(part))
+        for part in split(whole):
+            handed.append(submit(packed(part)))
         found = joined([one.result(until - time.monotonic()) for one in handed])
     except BaseException:
         for one in handed:
@@ -52,28 +55,40 @@ def fitted(records: Recordings, submit: Callable[[Recordings], Handed], seconds:
     again = tried_again(found)
     if len(handed) == 1 or not again.size:
         return found
-    return placed(found, again, submit(chosen(records, again)).result(until - time.monotonic()))
+    return placed(found, again, submit(packed(chosen(whole, again))).result(until - time.monotonic()))
 
 
-def split(records: Recordings) -> list[Recordings]:
-    """Records in parts."""
-    rows = np.shape(records.values)[0]
-    each = max(1, BYTES // max(1, records.values.nbytes // max(1, rows)) // STEP) * STEP
-    return [chosen(records, slice(at, at + each)) for at in range(0, rows, each)]
+def split(whole: Whole) -> list[Whole]:
+    """A batch in parts."""
+    records = isinstance(whole, Recordings)
+    rows = np.shape(whole.values)[0] if records else len(whole)
+    size = whole.values.nbytes if records else sum(len(content) for _, content in whole)
+    each = max(1, BYTES // max(1, size // max(1, rows)) // STEP) * STEP
+    return [chosen(whole, np.arange(at, min(at + each, rows))) for at in range(0, rows, each)]
 
 
-def chosen(records: Recordings, rows: slice | np.ndarray) -> Recordings:
-    """Some of the records."""
-    many = np.shape(records.values)[0]
-    of = lambda values: None if values is None else np.asarray(values)[rows]  # noqa: E731
-    conditions = (np.broadcast_to(np.asarray(getattr(records.conditions, name), float), (many,)) for name in CONDITIONS)
-    times = np.asarray(records.times)
+def packed(part: Whole) -> File:
+    """A part as the file that is handed in."""
+    if isinstance(part, Recordings):
+        return "batch.npz", pack(part)
+    return part[0] if len(part) == 1 else ("traces.zip", archives.pack_files(part))
+
+
+def chosen(whole: Whole, rows: np.ndarray) -> Whole:
+    """Some of a batch."""
+    if not isinstance(whole, Recordings):
+        return [whole[row] for row in rows]
+    at = slice(rows[0], rows[-1] + 1) if np.array_equal(rows, np.arange(rows[0], rows[-1] + 1)) else rows
+    many = np.shape(whole.values)[0]
+    of = lambda values: None if values is None else np.asarray(values)[at]  # noqa: E731
+    conditions = (np.broadcast_to(np.asarray(getattr(whole.conditions, name), float), (many,)) for name in CONDITIONS)
+    times = np.asarray(whole.times)
     return Recordings(
-        times if times.ndim == 1 else times[rows],
-        np.asarray(records.values)[rows],
-        Reduced(*(values[rows] for values in conditions)),
-        of(records.sigma),
-        of(records.counts),
+        times if times.ndim == 1 else times[at],
+        np.asarray(whole.values)[at],
+        Reduced(*(values[at] for values in conditions)),
+        of(whole.sigma),
+        of(whole.counts),
     )
 
 

@@ -20,6 +20,7 @@ from urllib.parse import quote, urlsplit
 
 from jshell.errors import BadValue, JshellError
 from jshell.io.sheets import NUMBER
+from jshell.service.batches import FORMULA
 from jshell.service.problems import CrossSite, NoToken, TooLarge, TooSlow, WrongHost
 from jshell.service.settings import LOCAL, Settings
 
@@ -33,7 +34,6 @@ Refuse = Callable[[Scope, JshellError], App]
 COOKIE = "jshell_token"
 OPEN = ("/healthz", "/login", "/static/")  # what needs no token
 SAFE = ("GET", "HEAD", "OPTIONS")
-FORMULA = ("=", "+", "-", "@", "\t", "\r")  # how a spreadsheet begins a formula
 NAME = 120  # characters of a file's name that are kept
 HEADERS = (
     (b"content-security-policy", b"default-src 'self'; img-src 'self' data:; object-src 'none'; base-uri 'none'; "

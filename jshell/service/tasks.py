@@ -138,7 +138,8 @@ def batch(specification: Mapping[str, Any], files: Files) -> dict[str, bytes]:
     _known(specification, BATCH)
     asked = dict(specification)
     asked["bounds"] = {name: _limits(pair) for name, pair in (asked.pop("bounds", None) or {}).items()}
-    records = batches.read(files, _trace)
+    with tempfile.TemporaryDirectory() as folder:  # one for all: a folder a file takes as long as reading it
+        records = batches.read(files, lambda name, content: _trace_in(Path(folder), name, content))
     found = batches.fitted(records, asked)
     return {
         "record.npz": batches.pack_result(found, records.names),
@@ -212,16 +213,24 @@ def _warm() -> None:
 
 
 def _trace(name: str, content: bytes, conditions: Any = None) -> Trace:
-    """A trace from the bytes of a file; errors call it by the name that its owner gave it."""
+    """A trace from the bytes of a file."""
     with tempfile.TemporaryDirectory() as folder:
-        suffix = PurePath(name).suffix.lower()
-        path = Path(folder) / f"trace{suffix if suffix in FORMATS else '.csv'}"
-        path.write_bytes(content)
-        meta = None
-        if conditions is not None:
-            meta = Path(folder) / "conditions.json"
-            meta.write_text(json.dumps(conditions))
+        return _trace_in(Path(folder), name, content, conditions)
+
+
+def _trace_in(folder: Path, name: str, content: bytes, conditions: Any = None) -> Trace:
+    """A trace, laid in a folder to be read; errors call it by the name that its owner gave it."""
+    suffix = PurePath(name).suffix.lower()
+    path = folder / f"trace{suffix if suffix in FORMATS else '.csv'}"
+    path.write_bytes(content)
+    meta = None
+    if conditions is not None:
+        meta = folder / "conditions.json"
+        meta.write_text(json.dumps(conditions))
+    try:
         return _reading(path, name, lambda: io.read_trace(path, meta=meta))
+    finally:
+        path.unlink()  # a file that is written over waits for the disk
 
 
 def _reading(path: Path, name: str, read: Callable[[], Any]) -> Any:

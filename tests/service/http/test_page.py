@@ -3,7 +3,9 @@
 One service and one fit serve the browser, the client and the API, for starting and compiling cost most.
 """
 
+import zipfile
 from collections.abc import Iterator
+from pathlib import Path
 
 import httpx
 import numpy as np
@@ -224,18 +226,36 @@ def test_the_client_gives_the_librarys_own_objects(served, fitted):
             client.fit(RECORDING, loss="strict", seconds=60)
 
 
-def test_a_batch_goes_up_in_parts_and_its_table_is_made_when_asked_for(served, monkeypatch):
+def archived(client: jshell.Client, records: Recordings, path: Path, sound: int) -> BatchResult:
+    """What comes of the records as trace files, all but the first few of them spoiled."""
+    with zipfile.ZipFile(path, "w") as archive:
+        for row, values in enumerate(records.values):
+            conditions = jshell.Reduced(*(float(getattr(records.conditions, name)[row]) for name in batches.CONDITIONS))
+            trace = jshell.Trace(records.times, dict(zip("VS", values, strict=True)), conditions)
+            jshell.io.write_trace(path.with_suffix(".csv"), trace)
+            archive.writestr(f"{row}.csv", path.with_suffix(".csv").read_bytes() if row < sound else b"spoiled")
+    return client.fit_batch(path, seconds=100)
+
+
+def test_a_batch_goes_up_in_parts_and_its_table_is_made_when_asked_for(served, tmp_path, monkeypatch):
     monkeypatch.setattr(parts, "STEP", 1)
     monkeypatch.setattr(parts, "BYTES", 1)
     shells = jshell.Reduced(*(np.full(3, x) for x in (0.22, 0.9, 1.6, 0.004, 1.4, 0.5)))
-    values = np.random.default_rng(0).normal(size=(3, 2, 20))  # too short to be fitted: nothing is compiled
+    V = np.random.default_rng(0).uniform(3.0, 4.0, (3, 1, 20))
+    values = np.concatenate([V, V + 10.0], axis=1)  # too short to be fitted: nothing is compiled
     records = Recordings(0.1 * np.arange(20.0), values, shells, np.full((3, 2), 0.1), np.array([20, 19, 18]))
     with jshell.Client(served) as client:
         found, expected = client.fit_batch(records, seconds=100), fit_batch(records)
+        (tmp_path / "batch.npz").write_bytes(batches.pack(records))
+        again = client.fit_batch(tmp_path / "batch.npz", seconds=100)
         for name in BatchResult.__dataclass_fields__:
             np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
+            np.testing.assert_array_equal(getattr(again, name), getattr(expected, name))
         made = [job for job in client.jobs("batch") if job.state == "done"]
         assert len(made) == 3
+        assert archived(client, records, tmp_path / "good.zip", 3).outcomes == expected.outcomes
+        # a part of which no file can be read fails; then all of them go up together
+        assert archived(client, records, tmp_path / "bad.zip", 1).outcomes == expected.outcomes
     link = f"{served}/api/v1/batches/{made[0].id}"
     assert httpx.get(f"{link}.csv", timeout=30, trust_env=False).text.splitlines()[1].startswith("1,unusable_data,")
     record = httpx.get(f"{link}.npz", timeout=30, trust_env=False).content
