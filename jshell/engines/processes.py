@@ -69,11 +69,8 @@ class Worker:
         """What a call returned, or what it raised.
 
         Raises:
-            EOFError, OSError: The process died; or another could not be started.
+            EOFError, OSError: The process died.
         """
-        if self._killed or not self._process.is_alive():  # it died while it was idle
-            self.end()
-            self._begin()
         try:
             self._pipe.send_bytes(call)
             return pickle.loads(self._pipe.recv_bytes())
@@ -81,14 +78,27 @@ class Worker:
             self.kill()
             raise
 
+    def make_ready(self) -> None:
+        """Replace the process where it has died.
+
+        Raises:
+            OSError: Another could not be started.
+        """
+        if self._killed or not self._process.is_alive():
+            self.end()
+            self._begin()
+
     def kill(self) -> None:
         """End the process now."""
         self._killed = True
-        self._process.kill()
+        if self._process.pid is not None:  # else it could not even be started
+            self._process.kill()
 
     def end(self) -> None:
         """End the process, which has nothing to do."""
         self._pipe.close()
+        if self._process.pid is None:
+            return
         self._process.join(PATIENCE)
         if self._process.is_alive():
             self._process.kill()
@@ -197,9 +207,11 @@ class Processes(Executor):
     def _live(self, worker: Worker) -> None:
         """Let a worker do one task after another, until the engine is closed and none waits."""
         while (task := self._next()) is not None:
-            if not task.future.set_running_or_notify_cancel():
-                continue
-            with self._change:
+            with contextlib.suppress(OSError):  # then the task is lost, and says so
+                worker.make_ready()
+            with self._change:  # from here on whoever stops the task finds a process to kill
+                if not task.future.set_running_or_notify_cancel():
+                    continue
                 worker.task = task
             value, fault = _asked(worker, task)
             with self._change:

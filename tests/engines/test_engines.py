@@ -93,6 +93,22 @@ def test_a_process_killed_while_idle_is_replaced_and_costs_nothing():
         assert engine.submit(os.getpid).result(timeout=PATIENCE) != pid
 
 
+def test_a_process_that_cannot_be_started_is_said_and_tried_again(monkeypatch):
+    with engines.open("processes:1") as engine:
+        pid = engine.submit(os.getpid).result(timeout=PATIENCE)
+        os.kill(pid, signal.SIGKILL)
+        os.waitid(os.P_PID, pid, os.WEXITED | os.WNOWAIT)
+
+        def none_left(*_) -> None:
+            raise BlockingIOError("no process left")
+
+        with monkeypatch.context() as patch:
+            patch.setattr("multiprocessing.process.BaseProcess.start", none_left)
+            for _ in range(2):
+                assert isinstance(engine.submit(os.getpid).exception(timeout=PATIENCE), WorkerLost)
+        assert engine.submit(operator.add, 1, 1).result(timeout=PATIENCE) == 2
+
+
 def test_faults_of_a_task_come_back_with_where_they_arose():
     with engines.open("processes:1") as engine:
         fault = engine.submit(operator.truediv, 1, 0).exception(timeout=PATIENCE)
