@@ -5,7 +5,7 @@ import json
 import tempfile
 import threading
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path, PurePath
@@ -66,6 +66,26 @@ def look(name: str, content: bytes) -> Look:
         units = {one: unit or PURE for one, unit in zip(sheet.names, sheet.units, strict=True)}
         told = dict.fromkeys(str(one.message).replace(str(path), name) for one in caught)
     return Look(trace, units, tuple(told))
+
+
+def check_one_readable(files: Sequence[tuple[str, bytes]]) -> None:
+    """Refuse trace files of which none can be read; archives are for the worker to open.
+
+    Raises:
+        JshellError: Why the first cannot.
+    """
+    first: JshellError | None = None
+    for name, content in files:
+        if name.lower().endswith((".zip", ".npz")):
+            return
+        try:
+            look(name, content)
+        except JshellError as error:
+            first = first or error
+        else:
+            return
+    if first is not None:
+        raise first
 
 
 def looked(store: Store, trace: str) -> tuple[str, Look]:

@@ -23,7 +23,7 @@ from jshell.service.jobs import (
     shown,
 )
 from jshell.service.problems import listed, of_validation
-from jshell.service.reading import ROOM
+from jshell.service.reading import ROOM, check_one_readable
 from jshell.service.safety import attachment, clean_name
 from jshell.service.schemas import BatchOptions, FitOut, FitRequest, JobOut, JobPage, Key, State
 from jshell.service.state import Here
@@ -86,6 +86,7 @@ def batch(
     with ROOM:
         uploads = [(clean_name(file.filename), file.file.read()) for file in files]
         _not_too_many(sum(packed(name, content) for name, content in uploads), here.settings.traces)
+        check_one_readable(uploads)
         rows = [here.store.add_trace(name, content) for name, content in uploads]
     specification = chosen.model_dump(mode="json", exclude_defaults=True)
     return accepted(here.store.submit("batch", specification, [row.id for row in rows], key))

@@ -211,6 +211,13 @@ def test_a_batch_is_checked_at_the_door(http):
     assert "nothing" in refused(bad, 422, "bad_value")["place"]
 
 
+def test_a_batch_of_which_no_file_can_be_read_is_refused_at_once(http):
+    none = [("files", ("a.csv", b"-184841")), ("files", ("b.csv", b"{}"))]
+    assert "a.csv" in refused(http.post("/api/v1/batches", files=none), 422, "bad_name")["place"]
+    one = [("files", ("a.csv", b"-184841")), ("files", ("b.csv", GOOD))]
+    assert http.post("/api/v1/batches", files=one).status_code == 202
+
+
 def test_a_field_that_stands_twice_is_refused(http):
     twice = http.post("/api/v1/batches", files={"files": ("a.csv", GOOD)}, data={"options": ["", '{"starts": 1}']})
     refused(twice, 422, "bad_value")
