@@ -192,7 +192,7 @@ class Client:
             JshellError: As `fit`; parts that are still under way are then called off.
         """
         whole = [] if options.get("starts") else self._whole(traces)
-        if not isinstance(whole, Recordings) and len(whole) < 2:
+        if parts.count(whole) < 2:
             return self.submit_batch(traces, **options).result(seconds)
         try:
             return parts.fitted(whole, lambda part: self._submit_batch(*part, None, options), seconds)

@@ -60,11 +60,15 @@ def fitted(whole: Whole, submit: Callable[[File], Handed], seconds: float | int)
 
 def split(whole: Whole) -> list[Whole]:
     """A batch in parts."""
-    records = isinstance(whole, Recordings)
-    rows = np.shape(whole.values)[0] if records else len(whole)
-    size = whole.values.nbytes if records else sum(len(content) for _, content in whole)
-    each = max(1, BYTES // max(1, size // max(1, rows)) // STEP) * STEP
-    return [chosen(whole, np.arange(at, min(at + each, rows))) for at in range(0, rows, each)]
+    many = count(whole)
+    size = whole.values.nbytes if isinstance(whole, Recordings) else sum(len(content) for _, content in whole)
+    each = max(1, BYTES // max(1, size // max(1, many)) // STEP) * STEP
+    return [chosen(whole, np.arange(at, min(at + each, many))) for at in range(0, many, each)]
+
+
+def count(whole: Whole) -> int:
+    """Traces of a batch."""
+    return np.shape(whole.values)[0] if isinstance(whole, Recordings) else len(whole)
 
 
 def packed(part: Whole) -> File:
@@ -79,7 +83,7 @@ def chosen(whole: Whole, rows: np.ndarray) -> Whole:
     if not isinstance(whole, Recordings):
         return [whole[row] for row in rows]
     at = slice(rows[0], rows[-1] + 1) if np.array_equal(rows, np.arange(rows[0], rows[-1] + 1)) else rows
-    many = np.shape(whole.values)[0]
+    many = count(whole)
     of = lambda values: None if values is None else np.asarray(values)[at]  # noqa: E731
     conditions = (np.broadcast_to(np.asarray(getattr(whole.conditions, name), float), (many,)) for name in CONDITIONS)
     times = np.asarray(whole.times)
