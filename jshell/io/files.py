@@ -24,7 +24,7 @@ SPOILED = (
     EOFError,
     LookupError,
     MemoryError,
-    NotImplementedError,
+    NotImplementedError,  # zipfile, of a compression it does not know
     OSError,
     RuntimeError,
     SyntaxError,

@@ -5,7 +5,6 @@ Idempotency-Key, so that it is one job; a full queue is waited for.
 """
 
 import json
-import math
 import os
 import tempfile
 import time
@@ -20,7 +19,7 @@ from jshell import io
 from jshell.calibration import BatchResult, FitResult, Recordings, load
 from jshell.calibration.recordings import gathered
 from jshell.errors import BadValue, JshellError, MissingExtra, NotOk
-from jshell.service import archives, batches, parts
+from jshell.service import batches, parts, sending
 from jshell.shell import Reduced
 from jshell.trace import CONDITION_FIELDS, Trace
 
@@ -38,6 +37,10 @@ class Unreachable(JshellError, OSError):
     """No service answers at the address."""
 
     code = "unreachable"
+
+
+class NotDone(BadValue):
+    """A job that was called off, or is not over in time."""
 
 
 @dataclass(frozen=True)
@@ -88,13 +91,13 @@ class Job:
 
         Raises:
             JshellError: The error with which it failed.
-            BadValue: It was cancelled, or is not over after `seconds`.
+            NotDone: It was cancelled, or is not over after `seconds`.
         """
         job = self.wait(seconds)
         if job.error is not None:
             raise job.error
         if job.state != "done":
-            raise BadValue(
+            raise NotDone(
                 f"job {self.id}",
                 found=f"state {job.state}",
                 expected="done",
@@ -173,8 +176,8 @@ class Client:
             **options: As in `fit`.
         """
         listed = [traces] if isinstance(traces, str | Path | Trace) else list(traces)
-        ids = [one if _is_id(one) else self.upload(one) for one in listed]
-        return self._job(self._send("POST", "/fits", json=_plain(options) | {"traces": ids}, key=key).json())
+        ids = [one if sending.is_id(one) else self.upload(one) for one in listed]
+        return self._job(self._send("POST", "/fits", json=sending.plain(options) | {"traces": ids}, key=key).json())
 
     def fit_batch(
         self, traces: Recordings | Sequence[Trace] | str | Path, *, seconds: float | int = 3600.0, **options: Any
@@ -191,13 +194,15 @@ class Client:
         Raises:
             JshellError: As `fit`; parts that are still under way are then called off.
         """
-        whole = [] if options.get("starts") else self._whole(traces)
+        whole = [] if options.get("starts") else sending.whole(traces)
         if parts.count(whole) < 2:
             return self.submit_batch(traces, **options).result(seconds)
         try:
             return parts.fitted(whole, lambda part: self._submit_batch(*part, None, options), seconds)
-        except JshellError as error:
-            if isinstance(whole, Recordings) or error.place.startswith("job "):  # called off, or not over in time
+        except NotDone:
+            raise
+        except JshellError:
+            if isinstance(whole, Recordings):
                 raise
             return self.submit_batch(traces, **options).result(seconds)  # a part of which no file can be read
 
@@ -212,26 +217,13 @@ class Client:
             **options: Those of `fit_batch`, in plain values.
         """
         if isinstance(traces, str | Path):
-            return self._submit_batch(Path(traces).name, _bytes(Path(traces)), key, options)
+            return self._submit_batch(Path(traces).name, sending.content(Path(traces)), key, options)
         records = traces if isinstance(traces, Recordings) else gathered(list(traces))
         return self._submit_batch("batch.npz", batches.pack(records), key, options)
 
     def _submit_batch(self, name: str, content: bytes, key: str | None, options: Mapping[str, Any]) -> Job:
-        given = {"files": {"files": (name, content)}, "data": {"options": json.dumps(_plain(options))}}
+        given = {"files": {"files": (name, content)}, "data": {"options": json.dumps(sending.plain(options))}}
         return self._job(self._send("POST", "/batches", key=key, **given).json())
-
-    def _whole(self, traces: Recordings | Sequence[Trace] | str | Path) -> Recordings | list[tuple[str, bytes]]:
-        """A batch as what can be taken apart: records, or files."""
-        if isinstance(traces, Recordings):
-            return traces
-        if not isinstance(traces, str | Path):
-            return gathered(list(traces))
-        name, content = Path(traces).name, _bytes(Path(traces))
-        if name.lower().endswith(".zip"):
-            return archives.files(name, content)
-        if name.lower().endswith(".npz") and batches.count(content, name):
-            return batches.unpack(content, name)
-        return [(name, content)]
 
     def simulate(self, conditions: Reduced, *, seconds: float | int = 600.0, **options: Any) -> Trace:
         """A run of the simulator, there.
@@ -242,7 +234,7 @@ class Client:
             **options: `duration`, `ramp`, `elements`.
         """
         asked = {key: float(getattr(conditions, field)) for key, field in CONDITION_FIELDS.items()}
-        sent = self._send("POST", "/simulate", json=asked | {"model": "simulator"} | _plain(options))
+        sent = self._send("POST", "/simulate", json=asked | {"model": "simulator"} | sending.plain(options))
         return self._job(sent.json()).result(seconds)
 
     def upload(self, trace: Data, conditions: Mapping[str, float] | None = None) -> str:
@@ -256,9 +248,9 @@ class Client:
             Its identifier.
         """
         if isinstance(trace, Trace):
-            name, content = _written(trace)
+            name, content = sending.written(trace)
         else:
-            name, content = Path(trace).name, _bytes(Path(trace))
+            name, content = Path(trace).name, sending.content(Path(trace))
         data = {} if conditions is None else {"conditions": json.dumps(dict(conditions))}
         return self._send("POST", "/traces", files={"file": (name, content)}, data=data).json()["id"]
 
@@ -369,39 +361,3 @@ def _error(found: Mapping[str, Any]) -> JshellError:
     error = kind(str(found["place"]), **words)
     error.code = str(found["code"])
     return error
-
-
-def _is_id(one: Data) -> bool:
-    return isinstance(one, str) and len(one) == 32 and all(letter in "0123456789abcdef" for letter in one)
-
-
-def _plain(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Options as JSON knows them: an infinite bound is open."""
-    found = {}
-    for name, value in options.items():
-        if name == "bounds":
-            ends = lambda pair: [None if math.isinf(float(x)) else float(x) for x in pair]  # noqa: E731
-            value = {key: ends(pair) for key, pair in value.items()}
-        elif name == "priors":
-            value = {key: {"mean": float(one.mean), "sigma": float(one.sigma)} for key, one in value.items()}
-        elif name == "tie" and not all(isinstance(text, str) for text in value.values()):
-            raise BadValue(
-                "tie", found="a function", expected="arithmetic as text: jobs are data", remedy='Write "0.3*alpha1".'
-            )
-        found[name] = value
-    return found
-
-
-def _written(trace: Trace) -> tuple[str, bytes]:
-    units = "si" if trace.scales is not None and trace.conditions is not None else "reduced"
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "trace.json"
-        io.write_trace(path, trace, units=units)
-        return path.name, path.read_bytes()
-
-
-def _bytes(path: Path) -> bytes:
-    from jshell.io.files import check_file
-
-    check_file(path)
-    return path.read_bytes()

@@ -1,0 +1,79 @@
+"""What a client sends: options as JSON, traces as files, a batch as what can be taken apart."""
+
+import math
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from jshell import io
+from jshell.calibration import Recordings
+from jshell.calibration.recordings import gathered
+from jshell.errors import BadValue
+from jshell.io.files import check_file
+from jshell.service import archives, batches
+from jshell.service.parts import Whole
+from jshell.trace import Trace
+
+
+def is_id(one: object) -> bool:
+    """Whether this is the name of an upload."""
+    return isinstance(one, str) and len(one) == 32 and all(letter in "0123456789abcdef" for letter in one)
+
+
+def plain(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Options as JSON knows them: an infinite bound is open.
+
+    Raises:
+        BadValue: A tie that is a function.
+    """
+    found = {}
+    for name, value in options.items():
+        if name == "bounds":
+            ends = lambda pair: [None if math.isinf(float(x)) else float(x) for x in pair]  # noqa: E731
+            value = {key: ends(pair) for key, pair in value.items()}
+        elif name == "priors":
+            value = {key: {"mean": float(one.mean), "sigma": float(one.sigma)} for key, one in value.items()}
+        elif name == "tie" and not all(isinstance(text, str) for text in value.values()):
+            raise BadValue(
+                "tie", found="a function", expected="arithmetic as text: jobs are data", remedy='Write "0.3*alpha1".'
+            )
+        found[name] = value
+    return found
+
+
+def written(trace: Trace) -> tuple[str, bytes]:
+    """Name and bytes of a trace as a file."""
+    units = "si" if trace.scales is not None and trace.conditions is not None else "reduced"
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "trace.json"
+        io.write_trace(path, trace, units=units)
+        return path.name, path.read_bytes()
+
+
+def content(path: Path) -> bytes:
+    """The bytes of a file.
+
+    Raises:
+        BadFile: No such file, or one that cannot be sent.
+    """
+    check_file(path)
+    return path.read_bytes()
+
+
+def whole(traces: Recordings | Sequence[Trace] | str | Path) -> Whole:
+    """A batch as records, or as the files of an archive.
+
+    Raises:
+        BadFile: A file or an archive that cannot be read.
+    """
+    if isinstance(traces, Recordings):
+        return traces
+    if not isinstance(traces, str | Path):
+        return gathered(list(traces))
+    name, found = Path(traces).name, content(Path(traces))
+    if name.lower().endswith(".zip"):
+        return archives.files(name, found)
+    if name.lower().endswith(".npz") and batches.count(found, name):
+        return batches.unpack(found, name)
+    return [(name, found)]
