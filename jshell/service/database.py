@@ -19,9 +19,11 @@ from sqlalchemy.engine import make_url
 
 from jshell.errors import BadStore, BadValue, MissingExtra, StoreUnavailable
 from jshell.service import tables
+from jshell.service.checkpoints import LONGEST, Checkpoints
 from jshell.service.statements import SERVER_CLOCK
 
 PAGE = 16384  # bytes of a page of a new SQLite file: a large upload is written in a quarter of the pieces
+SET_UP = (f"page_size = {PAGE}", "journal_mode = WAL", "synchronous = FULL", "foreign_keys = ON")
 PATIENCE = 10.0  # [s] that a writer waits for another one
 MAGIC = b"SQLite format 3\0"
 REMOTE = frozenset({"nfs", "nfs4", "cifs", "smb3", "smbfs", "afs", "ceph", "glusterfs", "lustre", "fuse.sshfs"})
@@ -56,6 +58,7 @@ class Database:
         self.sqlite = kind == "sqlite"
         self.place = f"database {self.url.render_as_string(hide_password=True)!r}"
         self._turn = threading.Lock()
+        self._checkpoints = Checkpoints(self._bring_home)
         if self.sqlite:
             self._engine = self._open_file(self.url)
         else:
@@ -78,6 +81,7 @@ class Database:
 
     def close(self) -> None:
         """Let go of every connection."""
+        self._checkpoints.close()
         self._engine.dispose()
 
     @property
@@ -108,7 +112,13 @@ class Database:
                 with connection.begin():
                     yield connection
         finally:
+            self._checkpoints.wrote()
             self._turn.release()
+
+    def _bring_home(self) -> None:
+        """Copy SQLite's log to its places, as far as no reader needs what is there."""
+        with contextlib.closing(self._engine.raw_connection()) as connection:
+            connection.cursor().execute("PRAGMA wal_checkpoint(PASSIVE)").close()
 
     def _open_file(self, url: sa.URL) -> sa.Engine:
         name = url.database
@@ -133,7 +143,7 @@ class Database:
         @event.listens_for(engine, "connect")
         def set_up(connection: sqlite3.Connection, _) -> None:
             connection.isolation_level = None  # transactions begin where the listener below says
-            for pragma in (f"page_size = {PAGE}", "journal_mode = WAL", "synchronous = FULL", "foreign_keys = ON"):
+            for pragma in (*SET_UP, f"wal_autocheckpoint = {LONGEST // PAGE}"):
                 connection.execute(f"PRAGMA {pragma}").close()
 
         @event.listens_for(engine, "begin")
