@@ -20,6 +20,37 @@ from numpy.lib import format as npy
 from jshell.errors import BadFile
 from jshell.io.files import SPOILED, check_size
 
+Content = bytes | memoryview  # what a file holds, or where that lies
+
+
+class _Looked(streams.RawIOBase):
+    """A file that is looked at where it lies: `BytesIO` would copy what is not bytes."""
+
+    def __init__(self, content: Content) -> None:
+        self._bytes, self._at = memoryview(content), 0
+
+    def readable(self) -> bool:
+        return True
+
+    def seekable(self) -> bool:
+        return True
+
+    def tell(self) -> int:
+        return self._at
+
+    def seek(self, offset: int, whence: int = 0) -> int:
+        at = offset + (0, self._at, len(self._bytes))[whence]
+        if at < 0:
+            raise OSError("before the begin of the file")
+        self._at = at
+        return at
+
+    def readinto(self, buffer: Any) -> int:
+        found = self._bytes[self._at : self._at + len(buffer)]
+        buffer[: len(found)] = found
+        self._at += len(found)
+        return len(found)
+
 
 class _Pieces:
     """A file kept as what was written to it, uncopied; a piece is written again only where it began."""
@@ -56,7 +87,7 @@ def pack(arrays: Mapping[str, np.ndarray]) -> bytes:
     return b"".join(pieces.all.values())
 
 
-def unpack(content: bytes, name: str, *, heads: Collection[str] = ()) -> dict[str, np.ndarray]:
+def unpack(content: Content, name: str, *, heads: Collection[str] = ()) -> dict[str, np.ndarray]:
     """Arrays of an archive, read-only; those that are not compressed are looked at where they lie.
 
     Of `heads` only the shapes are read: they are zeros, which take no memory.
@@ -67,7 +98,7 @@ def unpack(content: bytes, name: str, *, heads: Collection[str] = ()) -> dict[st
     names(content, name)
     blank = tuple(f"{one}.npy" for one in heads)
     try:
-        with zipfile.ZipFile(streams.BytesIO(content)) as archive:
+        with _opened(content) as archive:
             members = [one for one in archive.infolist() if one.filename.endswith(".npy")]
             return {
                 one.filename.removesuffix(".npy"): (_blank if one.filename in blank else _array)(archive, one, content)
@@ -77,13 +108,17 @@ def unpack(content: bytes, name: str, *, heads: Collection[str] = ()) -> dict[st
         raise _no_archive(name, error) from None
 
 
-def _blank(archive: zipfile.ZipFile, member: zipfile.ZipInfo, content: bytes) -> np.ndarray:
+def _opened(content: Content) -> zipfile.ZipFile:
+    return zipfile.ZipFile(streams.BytesIO(content) if isinstance(content, bytes) else _Looked(content))
+
+
+def _blank(archive: zipfile.ZipFile, member: zipfile.ZipInfo, content: Content) -> np.ndarray:
     with archive.open(member) as file:
         shape, _, kind = _head(file)
     return np.broadcast_to(np.zeros((), kind), shape)
 
 
-def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo, content: bytes) -> np.ndarray:
+def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo, content: Content) -> np.ndarray:
     with archive.open(member) as file:
         if member.compress_type != zipfile.ZIP_STORED:
             return npy.read_array(file, allow_pickle=False)
@@ -109,21 +144,21 @@ def _head(file: Any) -> tuple[tuple[int, ...], bool, np.dtype]:
     raise ValueError(f"version {version} of the format")
 
 
-def _begin(content: bytes, member: zipfile.ZipInfo) -> int:
+def _begin(content: Content, member: zipfile.ZipInfo) -> int:
     """Where the bytes of a member begin: after its own head, its name and what else stands there."""
     at = member.header_offset
     name, more = struct.unpack("<HH", content[at + 26 : at + 30])
     return at + 30 + name + more
 
 
-def names(content: bytes, name: str) -> set[str]:
+def names(content: Content, name: str) -> set[str]:
     """Names of the arrays of an archive, once their sizes are known to be bearable.
 
     Raises:
         BadFile: No archive, or too large.
     """
     try:
-        with zipfile.ZipFile(streams.BytesIO(content)) as archive:
+        with _opened(content) as archive:
             check_size(name, sum(member.file_size for member in archive.infolist()))
             return {member.filename.removesuffix(".npy") for member in archive.infolist()}
     except BadFile:
@@ -132,7 +167,7 @@ def names(content: bytes, name: str) -> set[str]:
         raise _no_archive(name, error) from None
 
 
-def files(name: str, content: bytes) -> list[tuple[str, bytes]]:
+def files(name: str, content: Content) -> list[tuple[str, bytes]]:
     """Name and bytes of every file of an archive.
 
     Raises:
@@ -140,7 +175,7 @@ def files(name: str, content: bytes) -> list[tuple[str, bytes]]:
     """
     names(content, name)
     try:
-        with zipfile.ZipFile(streams.BytesIO(content)) as archive:
+        with _opened(content) as archive:
             found = [member for member in archive.infolist() if not member.is_dir()]
             return [(PurePath(member.filename).name, archive.read(member)) for member in found]
     except SPOILED as error:

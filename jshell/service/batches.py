@@ -15,6 +15,7 @@ import numpy as np
 from jshell.calibration import BatchResult, Recordings, fit_batch
 from jshell.errors import BadFile, BadValue, JshellError, Outcome
 from jshell.service import archives
+from jshell.service.archives import Content
 from jshell.shell import Reduced
 from jshell.trace import Trace
 
@@ -45,7 +46,7 @@ def pack(records: Recordings) -> bytes:
     return archives.pack(arrays)
 
 
-def unpack(content: bytes, name: str = "batch.npz") -> Recordings:
+def unpack(content: Content, name: str = "batch.npz") -> Recordings:
     """Records from such a file.
 
     Raises:
@@ -55,7 +56,7 @@ def unpack(content: bytes, name: str = "batch.npz") -> Recordings:
     return _records(archives.unpack(content, name), name)
 
 
-def read(files: Sequence[tuple[str, bytes]], trace: Callable[[str, bytes], Trace]) -> Batch:
+def read(files: Sequence[tuple[str, Content]], trace: Callable[[str, Content], Trace]) -> Batch:
     """The traces of uploads.
 
     Args:
@@ -71,7 +72,7 @@ def read(files: Sequence[tuple[str, bytes]], trace: Callable[[str, bytes], Trace
         if "values" in archives.names(content, name):
             records = unpack(content, name)
             return Batch(records, tuple(numbered(np.shape(records.values)[0])), {})
-    listed: list[tuple[str, bytes]] = []
+    listed: list[tuple[str, Content]] = []
     for name, content in files:
         listed += archives.files(name, content) if name.lower().endswith(".zip") else [(name, content)]
     if not listed:

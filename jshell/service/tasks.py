@@ -27,6 +27,8 @@ from jshell.io.formats import FORMATS
 from jshell.io.records import plain, write_record
 from jshell.oscillator import Coefficients
 from jshell.service import batches
+from jshell.service.archives import Content
+from jshell.service.spool import Place
 from jshell.trace import Trace
 
 FIT = frozenset(Specification.__dataclass_fields__) - {"kind", "weighting"}
@@ -36,7 +38,7 @@ SIMULATOR = frozenset(
     {"duration", "every", "ramp", "elements", "attached", "shell_density", "step", "follow", "tolerance", "netcdf"}
 )
 OSCILLATOR = frozenset({"duration", "every", "coefficients", "initial", "netcdf"})
-Files = Sequence[tuple[str, bytes]]
+Files = Sequence[tuple[str, Content]]
 _USUAL = {"d_hat": 0.22, "P0_hat": 0.9, "Pext_hat": 1.6, "eta_hat": 0.004}
 
 
@@ -70,7 +72,7 @@ def ready(warm: bool = False, nice: int | None = None) -> int:
     return os.getpid()
 
 
-def run(kind: str, specification: Mapping[str, Any], files: Sequence[tuple[str, bytes | Path]]) -> Answer:
+def run(kind: str, specification: Mapping[str, Any], files: Sequence[tuple[str, bytes | Place]]) -> Answer:
     """Do a job.
 
     Args:
@@ -79,10 +81,10 @@ def run(kind: str, specification: Mapping[str, Any], files: Sequence[tuple[str, 
         files: Name and bytes of each trace, or where on this machine its bytes are.
     """
     try:
-        files = [(name, found.read_bytes() if isinstance(found, Path) else found) for name, found in files]
+        given = [(name, found.seen() if isinstance(found, Place) else found) for name, found in files]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # a result carries its own warnings
-            return Answer(_TASKS[kind](specification, files))
+            return Answer(_TASKS[kind](specification, given))
     except JshellError as error:
         return Answer({}, error.record())
     except MemoryError:
@@ -212,13 +214,13 @@ def _warm() -> None:
     calibration.fit_trajectories(trace, "strict")
 
 
-def _trace(name: str, content: bytes, conditions: Any = None) -> Trace:
+def _trace(name: str, content: Content, conditions: Any = None) -> Trace:
     """A trace from the bytes of a file."""
     with tempfile.TemporaryDirectory() as folder:
         return _trace_in(Path(folder), name, content, conditions)
 
 
-def _trace_in(folder: Path, name: str, content: bytes, conditions: Any = None) -> Trace:
+def _trace_in(folder: Path, name: str, content: Content, conditions: Any = None) -> Trace:
     """A trace, laid in a folder to be read; errors call it by the name that its owner gave it."""
     suffix = PurePath(name).suffix.lower()
     path = folder / f"trace{suffix if suffix in FORMATS else '.csv'}"

@@ -12,10 +12,9 @@ import os
 import platform
 import secrets
 import socket
-import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import CancelledError, Executor, Future
 from concurrent.futures import TimeoutError as NotYet
 from dataclasses import dataclass
@@ -28,6 +27,7 @@ from jshell.engines import Processes
 from jshell.errors import BadStore, JshellError, LimitReached, StoreUnavailable, WorkerLost
 from jshell.service import tasks
 from jshell.service.settings import Settings
+from jshell.service.spool import Place, Spool
 from jshell.service.store import Failure, JobRow, Store
 
 log = logging.getLogger("jshell.service")
@@ -109,6 +109,7 @@ class _Slot:
         self._lost: JobRow | None = None
         self._engine: Executor | None = None
         self._process: int | None = None
+        self._spool: Spool | None = None
 
     def beat(self) -> None:
         """Keep the lease of the job under way; note where it is no longer ours."""
@@ -167,6 +168,8 @@ class _Slot:
             finally:
                 self.job = None
         self.close()
+        if self._spool is not None:
+            self._spool.close()
 
     def _is_ready(self) -> bool:
         """Whether the engine answers; opens it where there is none, and waits until everything is imported.
@@ -193,8 +196,8 @@ class _Slot:
         assert self._engine is not None
         files = self.store.files(job.traces)
         try:
-            with self._laid_out(files) as given:
-                ended = self._watch(job, self._engine.submit(tasks.run, job.kind, dict(job.specification), given))
+            given = self._laid_out(files)
+            ended = self._watch(job, self._engine.submit(tasks.run, job.kind, dict(job.specification), given))
         except (WorkerLost, OSError, RuntimeError, CancelledError) as error:
             self._put_back(job, error)
             return
@@ -206,17 +209,13 @@ class _Slot:
         if not self._insist(lambda: self.store.finish(job.id, self.owner, job.attempt, outcome)):
             log.info("job %s, attempt %d: came too late, and was not recorded", job.id, job.attempt)
 
-    @contextlib.contextmanager
-    def _laid_out(self, files: tasks.Files) -> Iterator[Sequence[tuple[str, bytes | Path]]]:
-        """The files of a job as its process is given them: large ones by their place, for a pipe is slow."""
+    def _laid_out(self, files: Sequence[tuple[str, bytes]]) -> Sequence[tuple[str, bytes | Place]]:
+        """The files of a job as its process is given them: large ones by their place."""
         if not isinstance(self._engine, Processes) or sum(len(content) for _, content in files) < LARGE:
-            yield files
-            return
-        with tempfile.TemporaryDirectory(prefix="jshell-job-", ignore_cleanup_errors=True) as folder:
-            places = [Path(folder) / str(number) for number in range(len(files))]
-            for place, (_, content) in zip(places, files, strict=True):
-                place.write_bytes(content)
-            yield [(name, place) for place, (name, _) in zip(places, files, strict=True)]
+            return files
+        if self._spool is None:
+            self._spool = Spool()
+        return self._spool.lay(files)
 
     def _put_back(self, job: JobRow, error: BaseException) -> None:
         """After the loss of a worker: it counts against the job, unless the whole cluster was lost."""
