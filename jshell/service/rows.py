@@ -1,8 +1,9 @@
 """A job as it is told: its state, what was asked, why it failed."""
 
 import dataclasses
+import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from jshell.errors import KeyConflict, NotFound
@@ -70,6 +71,14 @@ def job_of(row: Any) -> JobRow:
         row.owner, row.created, row.started, row.finished, float(row.progress),
         None if row.error is None else Failure(**json.loads(row.error)),
     )  # fmt: skip
+
+
+def content_of(kind: str, specification: str, traces: Sequence[str]) -> str:
+    """What makes two requests the same: data, specification, version."""
+    import jshell
+
+    whole = json.dumps([kind, specification, list(traces), jshell.__version__])
+    return hashlib.sha256(whole.encode()).hexdigest()
 
 
 def key_conflict(key: str) -> KeyConflict:

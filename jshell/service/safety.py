@@ -22,7 +22,7 @@ from jshell.errors import BadValue, JshellError
 from jshell.io.sheets import NUMBER
 from jshell.service.batches import FORMULA
 from jshell.service.problems import CrossSite, NoToken, TooLarge, TooSlow, WrongHost
-from jshell.service.settings import LOCAL, Settings
+from jshell.service.settings import HELD, LOCAL, Settings
 
 Scope = MutableMapping[str, Any]
 Message = MutableMapping[str, Any]
@@ -91,7 +91,7 @@ class Gate:
         if error is not None:
             await self.refuse(scope, error)(scope, receive, dressed)
             return
-        counted = _Counted(receive, self.settings.upload, self.settings.arrival)
+        counted = _Counted(receive, self._most(headers), self.settings.arrival)
         started = False
 
         async def watched(message: Message) -> None:
@@ -122,8 +122,8 @@ class Gate:
             if error is not None:
                 return error
         length = headers.get(b"content-length", "0")
-        if length.isdecimal() and int(length) > self.settings.upload:
-            return too_large(int(length), self.settings.upload)
+        if length.isdecimal() and int(length) > self._most(headers):
+            return too_large(int(length), self._most(headers))
         token = self.settings.token
         path = scope["path"]
         if token and not any(path == one or (one[-1] == "/" and path.startswith(one)) for one in OPEN):
@@ -136,6 +136,11 @@ class Gate:
                     remedy="Ask its keeper for the token; a browser gives it at /login.",
                 )
         return None
+
+    def _most(self, headers: dict[bytes, str]) -> int:
+        """The largest body: files of a form wait on the disk, anything else in memory."""
+        form = headers.get(b"content-type", "").lower().startswith("multipart/form-data")
+        return self.settings.upload if form else min(HELD, self.settings.upload)
 
     def _dressed(self, send: Send) -> Send:
         async def dressed(message: Message) -> None:
@@ -188,7 +193,7 @@ def too_large(found: int, most: int) -> TooLarge:
         "body",
         found=f"{found / 2**20:.3g} MiB or more",
         expected=f"at most {most / 2**20:.3g} MiB",
-        remedy="Keep every tenth row, cut the record, or send several uploads.",
+        remedy="Keep every tenth row, cut the record, or send several uploads; as files of a form they may be larger.",
     )
 
 

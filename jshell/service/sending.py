@@ -2,7 +2,7 @@
 
 import math
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,8 @@ from jshell.io.files import check_file
 from jshell.service import archives, batches
 from jshell.service.parts import Whole
 from jshell.trace import Trace
+
+PIECE = 2**19  # bytes that are sent at once
 
 
 def is_id(one: object) -> bool:
@@ -59,6 +61,12 @@ def content(path: Path) -> bytes:
     """
     check_file(path)
     return path.read_bytes()
+
+
+def pieces(body: bytes) -> Iterator[memoryview]:
+    """A body in pieces: of a whole, what is left would be copied after every piece that the line took."""
+    view = memoryview(body)
+    return (view[at : at + PIECE] for at in range(0, len(view), PIECE))
 
 
 def whole(traces: Recordings | Sequence[Trace] | str | Path) -> Whole:

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 from jshell.errors import BadValue
 
+HELD = 32 * 2**20  # bytes of a body that is no form: it stays in memory while it arrives
 LOCAL = ("127.0.0.1", "localhost", "::1")
 
 

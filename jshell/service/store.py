@@ -7,7 +7,6 @@ for a job is finished by owner and attempt, and only once.
 """
 
 import dataclasses
-import hashlib
 import json
 import secrets
 import threading
@@ -20,9 +19,9 @@ import sqlalchemy as sa
 from jshell.errors import BadName, BadStore, BadValue, NotFound, QueueFull, StoreUnavailable
 from jshell.service import statements, uploads
 from jshell.service.database import Database
-from jshell.service.rows import Failure, JobRow, Submission, job_of, key_conflict, unknown_job
+from jshell.service.rows import Failure, JobRow, Submission, content_of, job_of, key_conflict, unknown_job
 from jshell.service.tables import CANCELLED, DONE, FAILED, QUEUED, RUNNING, STATES, jobs, pulse, results
-from jshell.service.uploads import TraceRow
+from jshell.service.uploads import TraceRow, Upload
 
 KINDS = ("fit", "batch", "simulate")
 DIED = "worker_died"
@@ -62,8 +61,9 @@ class Store:
         Raises:
             StoreUnavailable: Nothing was kept.
         """
-        row = uploads.add(self.database, name, content)
-        self._recent.keep(row.id, row.name, content)
+        given = Upload.of(name, content)
+        row = uploads.add(self.database, given)
+        self._recent.keep(given)
         return row
 
     def trace(self, trace: str) -> TraceRow:
@@ -95,7 +95,7 @@ class Store:
         return uploads.some(self.database, limit, before)
 
     def submit(
-        self, kind: str, specification: Mapping[str, Any], traces: Sequence[str], key: str | None = None
+        self, kind: str, specification: Mapping[str, Any], traces: Sequence[str | Upload], key: str | None = None
     ) -> Submission:
         """Accept a job: when this returns, it is on the disk.
 
@@ -104,7 +104,7 @@ class Store:
         Args:
             kind: `fit`, `batch` or `simulate`.
             specification: What is asked, as JSON.
-            traces: Identifiers of uploads.
+            traces: Identifiers of uploads; or files, which are kept if the job is.
             key: The caller's own name of this request: sent again, it is the same job.
 
         Raises:
@@ -121,16 +121,20 @@ class Store:
             raise BadValue(
                 "specification", found=str(error), expected="a JSON object", remedy="Use numbers, texts and lists."
             ) from None
-        content = _content(kind, text, traces)
+        given = [one for one in traces if isinstance(one, Upload)]
+        ids = [one.id if isinstance(one, Upload) else one for one in traces]
+        content = content_of(kind, text, ids)
         with self.database.writing() as connection:
             if key is not None:
                 known = connection.execute(statements.KEY, {"key": key}).one_or_none()
                 if known is not None:
                     return self._same(connection, known, content)
-            self._recent.require(connection, traces)
+            self._recent.require(connection, [one for one in traces if isinstance(one, str)])
             waiting = connection.execute(statements.WAITING).scalar_one()
             if waiting < self.queue:
-                row, made = self._insert(connection, kind, text, traces, content)
+                for one in given:
+                    uploads.keep(self.database, connection, one)
+                row, made = self._insert(connection, kind, text, ids, content)
             else:
                 row, made = connection.execute(statements.LIVE_JOB, {"content": content}).one_or_none(), False
                 if row is None:
@@ -144,6 +148,8 @@ class Store:
                     known = connection.execute(statements.KEY, {"key": key}).one()
                     if known.content != content:
                         raise key_conflict(key)
+        for one in given:
+            self._recent.keep(one)
         if made:
             with self._arrived:
                 self._arrived.notify_all()
@@ -380,14 +386,6 @@ class Store:
             raise key_conflict(known.key)
         row = connection.execute(statements.JOB, {"job": known.job}).one()
         return Submission(job_of(row), False)
-
-
-def _content(kind: str, text: str, traces: Sequence[str]) -> str:
-    """What makes two requests the same: data, specification, version."""
-    import jshell
-
-    whole = json.dumps([kind, text, list(traces), jshell.__version__])
-    return hashlib.sha256(whole.encode()).hexdigest()
 
 
 def _held(job: str, owner: str, attempt: int) -> sa.Update:

@@ -39,6 +39,30 @@ class TraceRow:
     created: float
 
 
+@dataclass(frozen=True)
+class Upload:
+    """A file that is to be kept.
+
+    Attributes:
+        name: As its owner calls it.
+        content: Its bytes.
+        sha256: Of these.
+        id: Follows from content and suffix.
+    """
+
+    name: str
+    content: bytes
+    sha256: str
+    id: str
+
+    @staticmethod
+    def of(name: str, content: bytes) -> "Upload":
+        """A file by its name and bytes; the suffix tells the format: the same bytes may mean something else."""
+        digest = hashlib.sha256(content).hexdigest()
+        key = hashlib.sha256(f"{PurePath(name).suffix.lower()}\0{digest}".encode()).hexdigest()
+        return Upload(name, content, digest, key[:32])
+
+
 class Recent:
     """The latest uploads, still in memory when a worker of this process asks for them; names of those that exist."""
 
@@ -48,13 +72,13 @@ class Recent:
         self._known: set[str] = set()
         self._turn = threading.Lock()
 
-    def keep(self, trace: str, name: str, content: bytes) -> None:
-        """Name and bytes of a file; the oldest give way."""
+    def keep(self, given: Upload) -> None:
+        """A file that is on the disk; the oldest give way."""
         with self._turn:
-            if trace in self._kept or len(content) > RECENT:
+            if given.id in self._kept or len(given.content) > RECENT:
                 return
-            self._kept[trace] = (name, content)
-            self._bytes += len(content)
+            self._kept[given.id] = (given.name, given.content)
+            self._bytes += len(given.content)
             while self._bytes > RECENT:
                 self._bytes -= len(self._kept.popitem(last=False)[1][1])
 
@@ -84,22 +108,26 @@ class Recent:
             self._known |= found
 
 
-def add(database: Database, name: str, content: bytes) -> TraceRow:
+def add(database: Database, given: Upload) -> TraceRow:
     """Keep a file; the same bytes under the same suffix are kept once."""
-    digest = hashlib.sha256(content).hexdigest()
-    # the suffix tells the format: the same bytes may mean something else under another
-    key = hashlib.sha256(f"{PurePath(name).suffix.lower()}\0{digest}".encode()).hexdigest()[:32]
-    dialect = sqlite if database.sqlite else postgresql
+    asked = sa.select(traces).where(traces.c.id == given.id)
     with database.reading() as connection:
-        row = connection.execute(sa.select(traces).where(traces.c.id == key)).one_or_none()
+        row = connection.execute(asked).one_or_none()
     if row is None:
-        values = {"id": key, "name": name, "sha256": digest, "size": len(content), "created": database.clock}
         with database.writing() as connection:
-            insert = dialect.insert(traces).values(**values).on_conflict_do_nothing(index_elements=[traces.c.id])
-            if connection.execute(insert.returning(traces.c.id)).scalar() is not None:
-                connection.execute(contents.insert().values(trace=key, content=content))
-            row = connection.execute(sa.select(traces).where(traces.c.id == key)).one()
+            keep(database, connection, given)
+            row = connection.execute(asked).one()
     return _row(row)
+
+
+def keep(database: Database, connection: sa.Connection, given: Upload) -> None:
+    """Keep a file within the caller's transaction."""
+    dialect = sqlite if database.sqlite else postgresql
+    size, now = len(given.content), database.clock
+    insert = dialect.insert(traces).values(id=given.id, name=given.name, sha256=given.sha256, size=size, created=now)
+    insert = insert.on_conflict_do_nothing(index_elements=[traces.c.id]).returning(traces.c.id)
+    if connection.execute(insert).scalar() is not None:
+        connection.execute(contents.insert().values(trace=given.id, content=given.content))
 
 
 def one(database: Database, trace: str) -> TraceRow:

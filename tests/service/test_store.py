@@ -1,5 +1,7 @@
 """The store, the same on SQLite and PostgreSQL: accepted means kept, finished means once."""
 
+import contextlib
+import sqlite3
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -8,9 +10,10 @@ import pytest
 import sqlalchemy as sa
 
 from jshell.errors import BadName, BadStore, BadValue, KeyConflict, NotFound, QueueFull
+from jshell.service import checkpoints, tables
 from jshell.service import store as stores
-from jshell.service import tables
 from jshell.service.store import Failure, Store
+from jshell.service.uploads import Upload
 
 WRONG = Failure("bad_value", "here", "found 1; expected 2", "Try 2.")
 
@@ -40,6 +43,27 @@ def test_an_upload_is_kept_once_by_content_and_suffix(store):
     assert (first.name, first.size) == ("a.csv", 4)
     with pytest.raises(NotFound, match="no such trace"):
         store.trace_content("nothing")
+
+
+def test_files_that_come_with_a_job_are_kept_if_the_job_is(url):
+    store = Store.open(url, queue=1)
+    first, second = (Upload.of(f"{number}.csv", bytes([number])) for number in range(2))
+    made = store.submit("batch", {}, [first], "key")
+    assert made.job.traces == (first.id,)
+    assert store.files([first.id]) == [("0.csv", b"\x00")]
+    assert store.trace_content(first.id) == b"\x00"
+    assert not store.submit("batch", {}, [Upload.of("again.csv", b"\x00")]).created
+    with pytest.raises(QueueFull):
+        store.submit("batch", {}, [second])
+    with pytest.raises(KeyConflict):
+        store.submit("batch", {}, [second], "key")
+    for call in (store.trace, store.trace_content):
+        with pytest.raises(NotFound):
+            call(second.id)
+    store.close()
+    again = Store.open(url)
+    assert again.files([first.id]) == [("0.csv", b"\x00")]  # from the disk
+    again.close()
 
 
 def test_lists_are_paged_from_the_newest(store):
@@ -280,3 +304,46 @@ def test_a_database_is_brought_up_to_date_once_and_a_later_one_refused(url):
 def test_an_address_that_keeps_nothing_is_refused(url):
     with pytest.raises(BadValue, match=r"sqlite:///"):
         Store.open(url)
+
+
+def test_the_log_of_a_file_is_brought_home_once_nobody_writes(tmp_path):
+    place, alone = tmp_path / "jobs.db", tmp_path / "alone.db"
+    store = Store.open(f"sqlite:///{place}")
+
+    def home() -> bool:
+        """Whether the upload is in the file itself, without its log."""
+        alone.write_bytes(place.read_bytes())
+        with contextlib.closing(sqlite3.connect(alone)) as copy:
+            tables = [name for (name,) in copy.execute("SELECT name FROM sqlite_master")]
+            return "traces" in tables and copy.execute("SELECT count(*) FROM traces").fetchone() == (1,)
+
+    until = time.monotonic() + 1.5
+    store.add_trace("a.csv", b"content")
+    while time.monotonic() < until:
+        store.healthy()  # a write; there is no time to rest
+        assert not home()
+    until = time.monotonic() + 20
+    while not home():
+        assert time.monotonic() < until
+        time.sleep(0.05)
+    before = threading.active_count()
+    store.close()
+    assert threading.active_count() == before - 1  # and nobody is left behind
+
+
+def test_a_log_that_cannot_be_brought_home_is_tried_again(caplog):
+    tries = []
+
+    def full() -> None:
+        tries.append(None)
+        raise sqlite3.OperationalError("database or disk is full")
+
+    keeper = checkpoints.Checkpoints(full)
+    for number in (1, 2):
+        keeper.wrote()
+        until = time.monotonic() + 20
+        while len(tries) < number:
+            assert time.monotonic() < until
+            time.sleep(0.01)
+    keeper.close()
+    assert len(tries) == 2

@@ -3,7 +3,7 @@
 from enum import Enum
 from typing import Annotated, Any, no_type_check
 
-from fastapi import APIRouter, File, Form, Header, Query, Response, UploadFile
+from fastapi import APIRouter, Body, File, Form, Header, Query, Response, UploadFile
 from fastapi.responses import JSONResponse
 from pydantic import ValidationError
 
@@ -26,10 +26,14 @@ from jshell.service.problems import listed, of_validation
 from jshell.service.reading import ROOM, check_one_readable
 from jshell.service.safety import attachment, clean_name
 from jshell.service.schemas import BatchOptions, FitOut, FitRequest, JobOut, JobPage, Key, State
+from jshell.service.settings import HELD
 from jshell.service.state import Here
 from jshell.service.store import JobRow, Submission
+from jshell.service.uploads import Upload
 
 router = APIRouter()
+BYTES = "application/octet-stream"
+OPTIONS = 'Options of `jshell.calibration.fit_batch` as JSON, e.g. {"equilibrium": "trace"}.'
 IdempotencyKey = Annotated[
     Key | None,
     Header(alias="Idempotency-Key", description="Your own name for this request: sent again, it is the same job."),
@@ -71,25 +75,44 @@ def batch(
             description="One .npz of arrays (`jshell.service.batches.pack`), one .zip of trace files, or traces.",
         ),
     ],
-    options: Annotated[
-        str, Form(description='Options of `jshell.calibration.fit_batch` as JSON, e.g. {"equilibrium": "trace"}.')
-    ] = "{}",
+    options: Annotated[str, Form(description=OPTIONS)] = "{}",
     key: IdempotencyKey = None,
 ) -> Response:
     """Fit each of many traces by itself; a trace that fails costs no other."""
+    with ROOM:
+        return _batch(here, [(clean_name(file.filename), file.file.read()) for file in files], options, key)
+
+
+@router.post(
+    "/batches/file",
+    tags=["batches"],
+    status_code=202,
+    responses=ACCEPTED,
+    summary="Fit thousands of traces, sent without a form",
+)
+def batch_file(
+    here: Here,
+    content: Annotated[bytes, Body(media_type=BYTES, description=f"The file, of up to {HELD >> 20} MiB.")],
+    name: Annotated[str, Query(description="Its name; the suffix tells the format.")],
+    options: Annotated[str, Query(description=OPTIONS)] = "{}",
+    key: IdempotencyKey = None,
+) -> Response:
+    """One `.npz`, `.zip` or trace as the body of the request, which takes less than a form."""
+    return _batch(here, [(clean_name(name), content)], options, key)
+
+
+def _batch(here: Here, uploads: list[tuple[str, bytes]], options: str, key: str | None) -> Response:
     try:
         chosen = BatchOptions.model_validate_json(options)
     except ValidationError as error:
         found = of_validation(error.errors())
         where = ", ".join(one["place"] for one in listed(error.errors())) or "JSON"
         raise BadValue(f"options, {where}", found=found.found, expected=found.expected, remedy=found.remedy) from None
-    with ROOM:
-        uploads = [(clean_name(file.filename), file.file.read()) for file in files]
-        _not_too_many(sum(packed(name, content) for name, content in uploads), here.settings.traces)
-        check_one_readable(uploads)
-        rows = [here.store.add_trace(name, content) for name, content in uploads]
+    _not_too_many(sum(packed(name, content) for name, content in uploads), here.settings.traces)
+    check_one_readable(uploads)
+    given = [Upload.of(name, content) for name, content in uploads]
     specification = chosen.model_dump(mode="json", exclude_defaults=True)
-    return accepted(here.store.submit("batch", specification, [row.id for row in rows], key))
+    return accepted(here.store.submit("batch", specification, given, key))
 
 
 def _index(here: Here, kind: str, limit: int, before: str | None, state: str | None) -> dict[str, Any]:

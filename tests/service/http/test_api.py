@@ -194,13 +194,17 @@ def test_pages_of_a_list_hold_every_row_once(http, recording):
     assert len(seen) == len(set(seen))
 
 
-def test_a_batch_is_checked_at_the_door(http):
+def packed_batch() -> bytes:
     times = np.arange(40.0)
     values = np.stack([np.stack([3 + 0.1 * np.cos(times), 12 + 0.1 * np.sin(times)])] * 3)
     conditions = jshell.Reduced(
         np.full(3, 0.1), np.ones(3), np.full(3, 1.4), np.full(3, 0.01), np.full(3, 1.4), np.full(3, 0.5)
     )
-    packed = batches.pack(Recordings(times, values, conditions))
+    return batches.pack(Recordings(times, values, conditions))
+
+
+def test_a_batch_is_checked_at_the_door(http):
+    packed = packed_batch()
     sent = http.post("/api/v1/batches", files={"files": ("many.npz", packed)}, data={"options": '{"starts": 2}'})
     assert sent.status_code == 202, sent.text
     assert sent.json()["specification"] == {"starts": 2}
@@ -209,6 +213,27 @@ def test_a_batch_is_checked_at_the_door(http):
     refused(http.post("/api/v1/batches", files={"files": ("many.zip", b"no zip")}), 422, "bad_file")
     bad = http.post("/api/v1/batches", files={"files": ("many.npz", packed)}, data={"options": '{"nothing": 1}'})
     assert "nothing" in refused(bad, 422, "bad_value")["place"]
+
+
+def test_a_batch_without_a_form_is_the_same_job_and_checked_alike(http):
+    packed, octets = packed_batch(), {"Content-Type": "application/octet-stream"}
+
+    def bare(name: str, content: bytes, options: str = "{}") -> httpx.Response:
+        asked = {"name": name, "options": options}
+        return http.post("/api/v1/batches/file", params=asked, content=content, headers=octets)
+
+    in_a_form = http.post("/api/v1/batches", files={"files": ("many.npz", packed)}, data={"options": '{"seed": 9}'})
+    sent = bare("other.npz", packed, '{"seed": 9}')
+    assert (in_a_form.status_code, sent.status_code) == (202, 200)  # the same content and options
+    assert sent.json()["id"] == in_a_form.json()["id"]
+    assert sent.headers["location"] == f"/api/v1/batches/{sent.json()['id']}"
+    trace = http.get("/api/v1/traces").json()["traces"][0]
+    assert http.get(f"/api/v1/traces/{trace['id']}/content").content == packed
+    refused(bare("many.zip", b"no zip"), 422, "bad_file")
+    refused(bare("a.csv", b"-184841"), 422, "bad_name")
+    assert "nothing" in refused(bare("many.npz", packed, '{"nothing": 1}'), 422, "bad_value")["place"]
+    refused(bare("many.npz", b""), 422, "bad_value")
+    refused(http.post("/api/v1/batches/file", content=packed, headers=octets), 422, "bad_value")  # no name
 
 
 def test_a_batch_of_which_no_file_can_be_read_is_refused_at_once(http):

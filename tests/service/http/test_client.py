@@ -2,12 +2,14 @@
 
 import sys
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 import jshell
 from jshell.cli.main import app
 from jshell.errors import BadFile, BadValue, KeyConflict, NotFound
+from jshell.service import client
 from jshell.service.client import Unreachable
 
 from .conftest import RECORDING
@@ -43,6 +45,42 @@ def test_errors_are_the_librarys_own(quiet, tmp_path):
         with pytest.raises(BadValue, match="cancelled"):
             job.result(1)
         assert job.id in [one.id for one in client.jobs(state="cancelled")]
+
+
+@pytest.mark.parametrize("held", [2**25, 0])
+def test_a_batch_goes_without_a_form_where_memory_may_hold_it(quiet, monkeypatch, held):
+    monkeypatch.setattr(client, "HELD", held)
+    sent = []
+    with jshell.Client(quiet) as service:
+        once = service._http.request
+        monkeypatch.setattr(service._http, "request", lambda *a, **given: sent.append(a[1]) or once(*a, **given))
+        job = service.submit_batch(RECORDING, seed=405 + held, bounds={"tau": (0.0, np.inf)})
+    assert sent == ["/api/v1/batches/file" if held else "/api/v1/batches"]
+    assert (job.kind, job.state) == ("batch", "queued")
+    assert job.specification == {"seed": 405 + held, "bounds": {"tau": [0.0, None]}}
+
+
+def test_a_lost_batch_is_sent_again_whole(quiet, monkeypatch, tmp_path):
+    import httpx
+
+    path = tmp_path / "once.csv"
+    path.write_bytes(RECORDING.read_bytes() + b"\n")  # the latest upload, then
+
+    with jshell.Client(quiet) as client:
+        once, lost = client._http.request, []
+
+        def request(*a, **given):
+            if not lost:
+                lost.append(b"".join(given["content"]))  # read to its end, and then the line breaks
+                raise httpx.ReadError("cut")
+            return once(*a, **given)
+
+        monkeypatch.setattr(client._http, "request", request)
+        job = client.submit_batch(path)
+        assert job.state == "queued"
+        assert lost == [path.read_bytes()]
+        kept = next(iter(client._send("GET", "/traces").json()["traces"]))
+        assert client._send("GET", f"/traces/{kept['id']}/content").content == path.read_bytes()
 
 
 def test_a_trace_of_this_process_is_the_one_that_arrives(quiet):

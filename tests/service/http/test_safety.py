@@ -9,6 +9,7 @@ import httpx
 import pytest
 
 from jshell.errors import BadValue
+from jshell.service import safety
 from jshell.service.safety import attachment, check_open, clean_name, neutral, neutral_csv
 from jshell.service.settings import Settings
 
@@ -68,6 +69,21 @@ def test_a_body_above_the_limit_is_refused_whether_it_says_so_or_not(http):
     as_json = http.post("/api/v1/fits", content=pieces(), headers={"Content-Type": "application/json"})
     assert as_json.status_code == 413, as_json.text
     assert http.get("/healthz").status_code == 200
+
+
+def test_what_is_no_form_stays_in_memory_and_has_a_limit_of_its_own(tmp_path: Path, monkeypatch):
+    monkeypatch.setattr(safety, "HELD", 2**16)
+    settings = Settings(db=f"sqlite:///{tmp_path / 'jobs.db'}", warm=False)
+    with listening(settings) as (address, _), httpx.Client(base_url=address, timeout=30, trust_env=False) as http:
+        asked, octets = {"name": "a.csv"}, {"Content-Type": "application/octet-stream"}
+        told = http.post("/api/v1/batches/file", params=asked, content=bytes(2**16 + 1), headers=octets)
+        assert (told.status_code, told.json()["code"]) == (413, "too_large")
+        assert "files of a form" in told.json()["remedy"]
+        untold = (bytes(2**14) for _ in range(5))
+        chunked = http.post("/api/v1/batches/file", params=asked, content=untold, headers=octets)
+        assert (chunked.status_code, chunked.json()["code"]) == (413, "too_large")
+        in_a_form = http.post("/api/v1/batches", files={"files": ("a.csv", bytes(2**16 + 1))})
+        assert in_a_form.status_code == 422, in_a_form.text  # read, and found to be no trace
 
 
 def test_a_body_that_does_not_arrive_is_given_up(tmp_path: Path):
