@@ -18,7 +18,7 @@ from jshell.service.batches import CONDITIONS, pack
 from jshell.shell import Reduced
 
 STEP = 1024  # records that the fit takes at once: a part is a multiple of them
-BYTES = 2**24  # of a part at most, where that is a step or more
+BYTES = 20 * 2**20  # of a part at most, where that is a step or more; a body without a form holds as much
 File = tuple[str, bytes]
 Whole = Recordings | list[File]
 
@@ -62,8 +62,22 @@ def split(whole: Whole) -> list[Whole]:
     """A batch in parts."""
     many = count(whole)
     size = whole.values.nbytes if isinstance(whole, Recordings) else sum(len(content) for _, content in whole)
-    each = max(1, BYTES // max(1, size // max(1, many)) // STEP) * STEP
-    return [chosen(whole, np.arange(at, min(at + each, many))) for at in range(0, many, each)]
+    steps, most = -(-many // STEP), max(1, BYTES // max(1, size // max(1, many)) // STEP)
+    if steps <= most:
+        return [whole]
+    ends = np.minimum(np.cumsum(_sizes(steps, most)) * STEP, many)
+    return [chosen(whole, np.arange(at, end)) for at, end in zip([0, *ends], ends, strict=False)]
+
+
+def _sizes(steps: int, most: int) -> list[int]:
+    """Steps of every part: small ones first, so that the fits begin soon, and last, so that no worker is left behind.
+
+    Source     Polychronopoulos and Kuck 1987, doi:10.1109/TC.1987.5009495 (half of what is left: guided)
+    """
+    sizes = [1]
+    while left := steps - sum(sizes):
+        sizes.append(min(most, left if left <= 2 else min(2 * sizes[-1], -(-left // 2))))
+    return sizes
 
 
 def count(whole: Whole) -> int:

@@ -189,6 +189,11 @@ def test_parts_of_a_batch_are_put_together_in_their_order(short, monkeypatch):
     assert placed.free_directions == ((1, "alpha1"),)
 
 
+@pytest.mark.parametrize(("steps", "most", "sizes"), [(1, 1, [1]), (10, 3, [1, 2, 3, 2, 2]), (5, 1, [1] * 5)])
+def test_parts_are_small_at_both_ends(steps, most, sizes):
+    assert parts._sizes(steps, most) == sizes
+
+
 @pytest.mark.slow
 def test_parts_of_a_batch_are_the_whole_to_the_bit(monkeypatch):
     monkeypatch.setattr(parts, "STEP", 64)
