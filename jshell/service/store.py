@@ -63,7 +63,7 @@ class Store:
         """
         given = Upload.of(name, content)
         row = uploads.add(self.database, given)
-        self._recent.keep(given)
+        self._recent.keep(given, row.name)
         return row
 
     def trace(self, trace: str) -> TraceRow:
@@ -123,7 +123,7 @@ class Store:
             ) from None
         given = [one for one in traces if isinstance(one, Upload)]
         ids = [one.id if isinstance(one, Upload) else one for one in traces]
-        content = content_of(kind, text, ids)
+        content, names = content_of(kind, text, ids), []
         with self.database.writing() as connection:
             if key is not None:
                 known = connection.execute(statements.KEY, {"key": key}).one_or_none()
@@ -132,8 +132,7 @@ class Store:
             self._recent.require(connection, [one for one in traces if isinstance(one, str)])
             waiting = connection.execute(statements.WAITING).scalar_one()
             if waiting < self.queue:
-                for one in given:
-                    uploads.keep(self.database, connection, one)
+                names = [uploads.keep(self.database, connection, one) for one in given]
                 row, made = self._insert(connection, kind, text, ids, content)
             else:
                 row, made = connection.execute(statements.LIVE_JOB, {"content": content}).one_or_none(), False
@@ -148,8 +147,8 @@ class Store:
                     known = connection.execute(statements.KEY, {"key": key}).one()
                     if known.content != content:
                         raise key_conflict(key)
-        for one in given:
-            self._recent.keep(one)
+        for one, name in zip(given, names, strict=False):  # none where nothing was kept
+            self._recent.keep(one, name)
         if made:
             with self._arrived:
                 self._arrived.notify_all()

@@ -72,12 +72,12 @@ class Recent:
         self._known: set[str] = set()
         self._turn = threading.Lock()
 
-    def keep(self, given: Upload) -> None:
-        """A file that is on the disk; the oldest give way."""
+    def keep(self, given: Upload, name: str) -> None:
+        """A file that is on the disk, by the name it has there; the oldest give way."""
         with self._turn:
             if given.id in self._kept or len(given.content) > RECENT:
                 return
-            self._kept[given.id] = (given.name, given.content)
+            self._kept[given.id] = (name, given.content)
             self._bytes += len(given.content)
             while self._bytes > RECENT:
                 self._bytes -= len(self._kept.popitem(last=False)[1][1])
@@ -120,14 +120,16 @@ def add(database: Database, given: Upload) -> TraceRow:
     return _row(row)
 
 
-def keep(database: Database, connection: sa.Connection, given: Upload) -> None:
-    """Keep a file within the caller's transaction."""
+def keep(database: Database, connection: sa.Connection, given: Upload) -> str:
+    """Keep a file within the caller's transaction; the name under which it is kept, its first."""
     dialect = sqlite if database.sqlite else postgresql
     size, now = len(given.content), database.clock
     insert = dialect.insert(traces).values(id=given.id, name=given.name, sha256=given.sha256, size=size, created=now)
     insert = insert.on_conflict_do_nothing(index_elements=[traces.c.id]).returning(traces.c.id)
     if connection.execute(insert).scalar() is not None:
         connection.execute(contents.insert().values(trace=given.id, content=given.content))
+        return given.name
+    return connection.execute(sa.select(traces.c.name).where(traces.c.id == given.id)).scalar_one()
 
 
 def one(database: Database, trace: str) -> TraceRow:

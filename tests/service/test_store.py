@@ -53,6 +53,10 @@ def test_files_that_come_with_a_job_are_kept_if_the_job_is(url):
     assert store.files([first.id]) == [("0.csv", b"\x00")]
     assert store.trace_content(first.id) == b"\x00"
     assert not store.submit("batch", {}, [Upload.of("again.csv", b"\x00")]).created
+    store.cancel(made.job.id)
+    store.add_trace("2.csv", b"\x02")
+    renamed = Upload.of("other.csv", b"\x02")
+    assert store.files([store.submit("batch", {}, [renamed]).job.traces[0]]) == [("2.csv", b"\x02")]  # its first name
     with pytest.raises(QueueFull):
         store.submit("batch", {}, [second])
     with pytest.raises(KeyConflict):
