@@ -9,6 +9,7 @@ import functools
 import io as streams
 import json
 import os
+import shutil
 import tempfile
 import traceback
 import warnings
@@ -38,6 +39,8 @@ SIMULATOR = frozenset(
     {"duration", "every", "ramp", "elements", "attached", "shell_density", "step", "follow", "tolerance", "netcdf"}
 )
 OSCILLATOR = frozenset({"duration", "every", "coefficients", "initial", "netcdf"})
+MEMORY = Path("/dev/shm")  # Linux; in a container it may be small
+SMALL = 2**20  # bytes of a file that is laid there to be read
 Files = Sequence[tuple[str, Content]]
 _USUAL = {"d_hat": 0.22, "P0_hat": 0.9, "Pext_hat": 1.6, "eta_hat": 0.004}
 
@@ -140,8 +143,9 @@ def batch(specification: Mapping[str, Any], files: Files) -> dict[str, bytes]:
     _known(specification, BATCH)
     asked = dict(specification)
     asked["bounds"] = {name: _limits(pair) for name, pair in (asked.pop("bounds", None) or {}).items()}
-    with tempfile.TemporaryDirectory() as folder:  # one for all: a folder a file takes as long as reading it
-        records = batches.read(files, lambda name, content: _trace_in(Path(folder), name, content))
+    with tempfile.TemporaryDirectory() as disk, _in_memory() as memory:  # a folder a file takes as long as reading it
+        place = lambda content: Path(memory if len(content) <= SMALL else disk)  # noqa: E731
+        records = batches.read(files, lambda name, content: _trace_in(place(content), name, content))
     found = batches.fitted(records, asked)
     return {
         "record.npz": batches.pack_result(found, records.names),
@@ -218,6 +222,12 @@ def _trace(name: str, content: Content, conditions: Any = None) -> Trace:
     """A trace from the bytes of a file."""
     with tempfile.TemporaryDirectory() as folder:
         return _trace_in(Path(folder), name, content, conditions)
+
+
+def _in_memory() -> tempfile.TemporaryDirectory:
+    """A folder for small files, one at a time; in memory where the machine has such a place, else on the disk."""
+    there = os.access(MEMORY, os.W_OK) and shutil.disk_usage(MEMORY).free > 4 * SMALL
+    return tempfile.TemporaryDirectory(dir=MEMORY if there else None)
 
 
 def _trace_in(folder: Path, name: str, content: Content, conditions: Any = None) -> Trace:
