@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
 
 import jshell.errors
 from jshell import io
@@ -225,8 +226,8 @@ class Client:
     def _submit_batch(self, name: str, content: bytes, key: str | None, options: Mapping[str, Any]) -> Job:
         words = json.dumps(sending.plain(options))
         if len(content) <= HELD:  # without a form, which takes less
-            given: dict[str, Any] = {"params": {"name": name, "options": words}, "body": content}
-            return self._job(self._send("POST", "/batches/file", key=key, **given).json())
+            there = f"/batches/file/{quote(name, safe='')}"
+            return self._job(self._send("POST", there, key=key, params={"options": words}, body=content).json())
         given = {"files": {"files": (name, content)}, "data": {"options": words}}
         return self._job(self._send("POST", "/batches", key=key, **given).json())
 

@@ -3,7 +3,7 @@
 from enum import Enum
 from typing import Annotated, Any, no_type_check
 
-from fastapi import APIRouter, Body, File, Form, Header, Query, Response, UploadFile
+from fastapi import APIRouter, Body, File, Form, Header, Path, Query, Response, UploadFile
 from fastapi.responses import JSONResponse
 from pydantic import ValidationError
 
@@ -84,7 +84,7 @@ def batch(
 
 
 @router.post(
-    "/batches/file",
+    "/batches/file/{name}",
     tags=["batches"],
     status_code=202,
     responses=ACCEPTED,
@@ -93,7 +93,7 @@ def batch(
 def batch_file(
     here: Here,
     content: Annotated[bytes, Body(media_type=BYTES, description=f"The file, of up to {HELD >> 20} MiB.")],
-    name: Annotated[str, Query(description="Its name; the suffix tells the format.")],
+    name: Annotated[str, Path(description="Its name; the suffix tells the format.", examples=["batch.npz"])],
     options: Annotated[str, Query(description=OPTIONS)] = "{}",
     key: IdempotencyKey = None,
 ) -> Response:

@@ -4,6 +4,7 @@ import io
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from urllib.parse import quote
 
 import httpx
 import numpy as np
@@ -219,8 +220,8 @@ def test_a_batch_without_a_form_is_the_same_job_and_checked_alike(http):
     packed, octets = packed_batch(), {"Content-Type": "application/octet-stream"}
 
     def bare(name: str, content: bytes, options: str = "{}") -> httpx.Response:
-        asked = {"name": name, "options": options}
-        return http.post("/api/v1/batches/file", params=asked, content=content, headers=octets)
+        there = f"/api/v1/batches/file/{quote(name, safe='')}"
+        return http.post(there, params={"options": options}, content=content, headers=octets)
 
     in_a_form = http.post("/api/v1/batches", files={"files": ("many.npz", packed)}, data={"options": '{"seed": 9}'})
     sent = bare("other.npz", packed, '{"seed": 9}')
@@ -233,7 +234,8 @@ def test_a_batch_without_a_form_is_the_same_job_and_checked_alike(http):
     refused(bare("a.csv", b"-184841"), 422, "bad_name")
     assert "nothing" in refused(bare("many.npz", packed, '{"nothing": 1}'), 422, "bad_value")["place"]
     refused(bare("many.npz", b""), 422, "bad_value")
-    refused(http.post("/api/v1/batches/file", content=packed, headers=octets), 422, "bad_value")  # no name
+    assert bare("<i>strange</i> ü.npz".replace("/", ""), packed, '{"seed": 10}').status_code == 202
+    refused(http.get("/api/v1/batches/file/many.npz"), 405, "wrong_method")
 
 
 def test_a_batch_of_which_no_file_can_be_read_is_refused_at_once(http):

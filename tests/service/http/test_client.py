@@ -55,7 +55,7 @@ def test_a_batch_goes_without_a_form_where_memory_may_hold_it(quiet, monkeypatch
         once = service._http.request
         monkeypatch.setattr(service._http, "request", lambda *a, **given: sent.append(a[1]) or once(*a, **given))
         job = service.submit_batch(RECORDING, seed=405 + held, bounds={"tau": (0.0, np.inf)})
-    assert sent == ["/api/v1/batches/file" if held else "/api/v1/batches"]
+    assert sent == [f"/api/v1/batches/file/{RECORDING.name}" if held else "/api/v1/batches"]
     assert (job.kind, job.state) == ("batch", "queued")
     assert job.specification == {"seed": 405 + held, "bounds": {"tau": [0.0, None]}}
 
@@ -64,7 +64,7 @@ def test_a_lost_batch_is_sent_again_whole(quiet, monkeypatch, tmp_path):
     import httpx
 
     path = tmp_path / "once.csv"
-    path.write_bytes(RECORDING.read_bytes() + b"\n")  # the latest upload, then
+    path.write_bytes(RECORDING.read_bytes() + b"\n\n")  # the latest upload, then
 
     with jshell.Client(quiet) as client:
         once, lost = client._http.request, []

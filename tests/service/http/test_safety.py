@@ -75,12 +75,12 @@ def test_what_is_no_form_stays_in_memory_and_has_a_limit_of_its_own(tmp_path: Pa
     monkeypatch.setattr(safety, "HELD", 2**16)
     settings = Settings(db=f"sqlite:///{tmp_path / 'jobs.db'}", warm=False)
     with listening(settings) as (address, _), httpx.Client(base_url=address, timeout=30, trust_env=False) as http:
-        asked, octets = {"name": "a.csv"}, {"Content-Type": "application/octet-stream"}
-        told = http.post("/api/v1/batches/file", params=asked, content=bytes(2**16 + 1), headers=octets)
+        there, octets = "/api/v1/batches/file/a.csv", {"Content-Type": "application/octet-stream"}
+        told = http.post(there, content=bytes(2**16 + 1), headers=octets)
         assert (told.status_code, told.json()["code"]) == (413, "too_large")
         assert "files of a form" in told.json()["remedy"]
         untold = (bytes(2**14) for _ in range(5))
-        chunked = http.post("/api/v1/batches/file", params=asked, content=untold, headers=octets)
+        chunked = http.post(there, content=untold, headers=octets)
         assert (chunked.status_code, chunked.json()["code"]) == (413, "too_large")
         in_a_form = http.post("/api/v1/batches", files={"files": ("a.csv", bytes(2**16 + 1))})
         assert in_a_form.status_code == 422, in_a_form.text  # read, and found to be no trace
