@@ -92,8 +92,8 @@ def batch(
 )
 def batch_file(
     here: Here,
-    content: Annotated[bytes, Body(media_type=BYTES, description=f"The file, of up to {HELD >> 20} MiB.")],
     name: Annotated[str, Path(description="Its name; the suffix tells the format.", examples=["batch.npz"])],
+    content: Annotated[bytes, Body(media_type=BYTES, description=f"The file, of up to {HELD >> 20} MiB.")] = b"",
     options: Annotated[str, Query(description=OPTIONS)] = "{}",
     key: IdempotencyKey = None,
 ) -> Response:

@@ -233,7 +233,7 @@ def test_a_batch_without_a_form_is_the_same_job_and_checked_alike(http):
     refused(bare("many.zip", b"no zip"), 422, "bad_file")
     refused(bare("a.csv", b"-184841"), 422, "bad_name")
     assert "nothing" in refused(bare("many.npz", packed, '{"nothing": 1}'), 422, "bad_value")["place"]
-    refused(bare("many.npz", b""), 422, "bad_value")
+    assert "empty" in refused(bare("many.npz", b""), 422, "bad_file")["cause"]
     assert bare("<i>strange</i> ü.npz".replace("/", ""), packed, '{"seed": 10}').status_code == 202
     refused(http.get("/api/v1/batches/file/many.npz"), 405, "wrong_method")
 
