@@ -18,6 +18,7 @@ from jshell.service.batches import CONDITIONS, pack
 from jshell.shell import Reduced
 
 STEP = 1024  # records that the fit takes at once: a part is a multiple of them
+STEPS = 4  # of a part at most: short records, too, are fitted while others are on their way
 BYTES = 20 * 2**20  # of a part at most, where that is a step or more; a body without a form holds as much
 File = tuple[str, bytes]
 Whole = Recordings | list[File]
@@ -62,10 +63,10 @@ def split(whole: Whole) -> list[Whole]:
     """A batch in parts."""
     many = count(whole)
     size = whole.values.nbytes if isinstance(whole, Recordings) else sum(len(content) for _, content in whole)
-    steps, most = -(-many // STEP), max(1, BYTES // max(1, size // max(1, many)) // STEP)
-    if steps <= most:
+    steps, most = -(-many // STEP), BYTES // max(1, size // max(1, many)) // STEP
+    if steps < 2:
         return [whole]
-    ends = np.minimum(np.cumsum(_sizes(steps, most)) * STEP, many)
+    ends = np.minimum(np.cumsum(_sizes(steps, min(max(1, most), STEPS))) * STEP, many)
     return [chosen(whole, np.arange(at, end)) for at, end in zip([0, *ends], ends, strict=False)]
 
 
