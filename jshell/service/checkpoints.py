@@ -13,6 +13,8 @@ import threading
 import time
 from collections.abc import Callable
 
+from sqlalchemy.exc import SQLAlchemyError
+
 log = logging.getLogger("jshell.service")
 QUIET = 0.2  # [s] without a write after which the log is brought home
 LONGEST = 128 * 2**20  # bytes of a log that are brought home in the middle of a commit after all
@@ -55,7 +57,7 @@ class Checkpoints:
         while self._rest():
             try:
                 self._copy()
-            except sqlite3.Error as error:  # a full disk: the log stays as it is, and nothing of it is lost
+            except (sqlite3.Error, SQLAlchemyError) as error:  # a full disk, no connection free: nothing is lost
                 log.info("the log of the database is not brought home: %s", error)
 
     def _rest(self) -> bool:

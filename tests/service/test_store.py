@@ -335,12 +335,17 @@ def test_the_log_of_a_file_is_brought_home_once_nobody_writes(tmp_path):
     assert threading.active_count() == before - 1  # and nobody is left behind
 
 
-def test_a_log_that_cannot_be_brought_home_is_tried_again(caplog):
+@pytest.mark.parametrize(
+    "error",
+    [sqlite3.OperationalError("database or disk is full"), sa.exc.TimeoutError("no connection is free")],
+    ids=["full", "busy"],
+)
+def test_a_log_that_cannot_be_brought_home_is_tried_again(error):
     tries = []
 
     def full() -> None:
         tries.append(None)
-        raise sqlite3.OperationalError("database or disk is full")
+        raise error
 
     keeper = checkpoints.Checkpoints(full)
     for number in (1, 2):
