@@ -91,7 +91,7 @@ class Gate:
         if error is not None:
             await self.refuse(scope, error)(scope, receive, dressed)
             return
-        counted = _Counted(receive, self._most(headers), self.settings.arrival)
+        counted = _Counted(receive, self._most(headers), self.settings.arrival, _is_form(headers))
         started = False
 
         async def watched(message: Message) -> None:
@@ -123,7 +123,7 @@ class Gate:
                 return error
         length = headers.get(b"content-length", "0")
         if length.isdecimal() and int(length) > self._most(headers):
-            return too_large(int(length), self._most(headers))
+            return too_large(int(length), self._most(headers), _is_form(headers))
         token = self.settings.token
         path = scope["path"]
         if token and not any(path == one or (one[-1] == "/" and path.startswith(one)) for one in OPEN):
@@ -139,8 +139,7 @@ class Gate:
 
     def _most(self, headers: dict[bytes, str]) -> int:
         """The largest body: files of a form wait on the disk, anything else in memory."""
-        form = headers.get(b"content-type", "").lower().startswith("multipart/form-data")
-        return self.settings.upload if form else min(HELD, self.settings.upload)
+        return self.settings.upload if _is_form(headers) else min(HELD, self.settings.upload)
 
     def _dressed(self, send: Send) -> Send:
         async def dressed(message: Message) -> None:
@@ -157,8 +156,8 @@ class Gate:
 class _Counted:
     """A body whose bytes and seconds are counted while it arrives."""
 
-    def __init__(self, receive: Receive, most: int, seconds: float | int) -> None:
-        self.receive, self.most, self.seconds = receive, most, seconds
+    def __init__(self, receive: Receive, most: int, seconds: float | int, form: bool) -> None:
+        self.receive, self.most, self.seconds, self.form = receive, most, seconds, form
         self.bytes, self.until, self.done = 0, 0.0, False
         self.error: JshellError | None = None
 
@@ -182,18 +181,23 @@ class _Counted:
             self.bytes += len(message.get("body", b""))
             self.done = not message.get("more_body", False)
             if self.bytes > self.most:
-                self.error = too_large(self.bytes, self.most)
+                self.error = too_large(self.bytes, self.most, self.form)
                 raise self.error
         return message
 
 
-def too_large(found: int, most: int) -> TooLarge:
-    """The refusal of a body that is larger than `most` bytes."""
+def _is_form(headers: dict[bytes, str]) -> bool:
+    return headers.get(b"content-type", "").lower().startswith("multipart/form-data")
+
+
+def too_large(found: int, most: int, form: bool) -> TooLarge:
+    """The refusal of a body that is larger than `most` bytes; a form may hold more than others."""
+    more = "" if form else "; as files of a form they may be larger"
     return TooLarge(
         "body",
         found=f"{found / 2**20:.3g} MiB or more",
         expected=f"at most {most / 2**20:.3g} MiB",
-        remedy="Keep every tenth row, cut the record, or send several uploads; as files of a form they may be larger.",
+        remedy=f"Keep every tenth row, cut the record, or send several uploads{more}.",
     )
 
 

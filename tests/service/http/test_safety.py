@@ -66,6 +66,7 @@ def test_a_body_above_the_limit_is_refused_whether_it_says_so_or_not(http):
         "/api/v1/traces", content=pieces(part), headers={"Content-Type": "multipart/form-data; boundary=x"}
     )
     assert chunked.status_code == 413, chunked.text
+    assert "of a form" not in chunked.json()["remedy"]  # it is one
     as_json = http.post("/api/v1/fits", content=pieces(), headers={"Content-Type": "application/json"})
     assert as_json.status_code == 413, as_json.text
     assert http.get("/healthz").status_code == 200
