@@ -9,7 +9,6 @@ for a job is finished by owner and attempt, and only once.
 import dataclasses
 import json
 import secrets
-import threading
 import time
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -18,6 +17,7 @@ import sqlalchemy as sa
 
 from jshell.errors import BadName, BadStore, BadValue, NotFound, QueueFull, StoreUnavailable
 from jshell.service import statements, uploads
+from jshell.service.bell import Bell
 from jshell.service.database import Database
 from jshell.service.rows import Failure, JobRow, Submission, content_of, job_of, key_conflict, unknown_job
 from jshell.service.tables import CANCELLED, DONE, FAILED, QUEUED, RUNNING, STATES, jobs, pulse, results
@@ -39,7 +39,7 @@ class Store:
 
     def __init__(self, database: Database, *, queue: int = 1000, attempts: int = 3) -> None:
         self.database, self.queue, self.attempts = database, queue, attempts
-        self._arrived = threading.Condition()
+        self.bell = Bell()  # rung where this process accepts a job or takes one back
         self._recent = uploads.Recent()
 
     @staticmethod
@@ -150,8 +150,7 @@ class Store:
         for one, name in zip(given, names, strict=False):  # none where nothing was kept
             self._recent.keep(one, name)
         if made:
-            with self._arrived:
-                self._arrived.notify_all()
+            self.bell.ring()
         return Submission(job_of(row), made)
 
     def job(self, job: str) -> JobRow:
@@ -243,11 +242,6 @@ class Store:
             return False
         return True
 
-    def wait_for_work(self, seconds: float | int) -> None:
-        """Return when a job was accepted in this process, or when the time is over."""
-        with self._arrived:
-            self._arrived.wait(seconds)
-
     def lease(self, owner: str, seconds: float | int) -> JobRow | None:
         """Take the oldest job that waits; None where none does.
 
@@ -327,8 +321,7 @@ class Store:
         with self.database.writing() as connection:
             found = self._requeue(connection, silent, True, 0.0)
         if found:
-            with self._arrived:
-                self._arrived.notify_all()
+            self.bell.ring()
         return found
 
     def _requeue(self, connection: sa.Connection, chosen: sa.Update, died: bool, delay: float | int) -> int:

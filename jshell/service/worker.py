@@ -149,6 +149,7 @@ class _Slot:
             try:
                 if not self._is_ready():
                     continue
+                heard = self.store.bell.rung
                 job = self.store.lease(self.owner, self.settings.lease)
             except (JshellError, OSError, RuntimeError, CancelledError) as error:
                 log.warning("not ready for a job: %s", error)
@@ -158,7 +159,7 @@ class _Slot:
                 continue
             failures = 0
             if job is None:
-                self.store.wait_for_work(IDLE)
+                self.store.bell.wait(heard, IDLE)
                 continue
             self.job = job
             try:
