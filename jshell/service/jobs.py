@@ -93,8 +93,8 @@ def file_of(store: Store, job: JobRow, suffix: str) -> bytes:
             expected="state done",
             remedy="Wait until it is done." if not job.over else f"See {address(job)} for why it has no result.",
         )
-    if job.kind == "batch" and suffix == "csv":
-        return batch_table(store, job.id)
+    if job.kind == "batch" and suffix != "npz":
+        return batch_table(store, job.id) if suffix == "csv" else str(batch_result(store, job.id)).encode()
     content = store.result(job.id, FILES[job.kind][suffix])
     return neutral_csv(content) if suffix == "csv" else content
 

@@ -134,8 +134,8 @@ def batch(specification: Mapping[str, Any], files: Files) -> dict[str, bytes]:
     """Fit each of many traces by itself.
 
     Returns:
-        `record.npz`, which `jshell.service.batches.unpack_result` reads, and from which `batches.table` makes the
-        table; `report.txt`.
+        `record.npz`, which `jshell.service.batches.unpack_result` reads: table and report are made of it when they are
+        asked for.
 
     Raises:
         JshellError: As `jshell.calibration.fit_batch`.
@@ -147,10 +147,7 @@ def batch(specification: Mapping[str, Any], files: Files) -> dict[str, bytes]:
         place = lambda content: Path(memory if len(content) <= SMALL else disk)  # noqa: E731
         records = batches.read(files, lambda name, content: _trace_in(place(content), name, content))
     found = batches.fitted(records, asked)
-    return {
-        "record.npz": batches.pack_result(found, records.names),
-        "report.txt": str(found).encode(),
-    }
+    return {"record.npz": batches.pack_result(found, records.names)}
 
 
 def simulate(specification: Mapping[str, Any], files: Files = ()) -> dict[str, bytes]:

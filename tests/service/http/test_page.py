@@ -237,7 +237,7 @@ def archived(client: jshell.Client, records: Recordings, path: Path, sound: int)
     return client.fit_batch(path, seconds=100)
 
 
-def test_a_batch_goes_up_in_parts_and_its_table_is_made_when_asked_for(served, tmp_path, monkeypatch):
+def test_a_batch_goes_up_in_parts_and_its_table_and_report_are_made_when_asked_for(served, tmp_path, monkeypatch):
     monkeypatch.setattr(parts, "STEP", 1)
     monkeypatch.setattr(parts, "BYTES", 1)
     shells = jshell.Reduced(*(np.full(3, x) for x in (0.22, 0.9, 1.6, 0.004, 1.4, 0.5)))
@@ -260,6 +260,7 @@ def test_a_batch_goes_up_in_parts_and_its_table_is_made_when_asked_for(served, t
     assert httpx.get(f"{link}.csv", timeout=30, trust_env=False).text.splitlines()[1].startswith("1,unusable_data,")
     record = httpx.get(f"{link}.npz", timeout=30, trust_env=False).content
     assert batches.unpack_result(record).outcomes == expected.outcomes[2:]
+    assert httpx.get(f"{link}.txt", timeout=30, trust_env=False).text == str(batches.unpack_result(record))
 
 
 def test_a_running_fit_is_cancelled_from_its_page(page, served):
