@@ -8,6 +8,7 @@ There is no CORS: no other site may read an answer.
 """
 
 import asyncio
+import contextlib
 import csv
 import hmac
 import io
@@ -34,6 +35,8 @@ Refuse = Callable[[Scope, JshellError], App]
 COOKIE = "jshell_token"
 OPEN = ("/healthz", "/login", "/static/")  # what needs no token
 SAFE = ("GET", "HEAD", "OPTIONS")
+LARGE = 2**20  # bytes of a body that is no form from which only some are read at the same time
+ABREAST = 8  # of these; the others wait in the network, and their time does not run
 NAME = 120  # characters of a file's name that are kept
 HEADERS = (
     (b"content-security-policy", b"default-src 'self'; img-src 'self' data:; object-src 'none'; base-uri 'none'; "
@@ -80,6 +83,7 @@ class Gate:
     def __init__(self, app: App, settings: Settings, refuse: Refuse) -> None:
         self.app, self.settings, self.refuse = app, settings, refuse
         self.hosts = {host.lower().strip("[]") for host in settings.allowed_hosts}
+        self.room = asyncio.Semaphore(ABREAST)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":
@@ -101,7 +105,8 @@ class Gate:
                 await dressed(message)
 
         try:
-            await self.app(scope, counted, watched)
+            async with self.room if _is_large(headers) else contextlib.nullcontext():
+                await self.app(scope, counted, watched)
         except (TooLarge, TooSlow):
             if started:
                 raise
@@ -188,6 +193,14 @@ class _Counted:
 
 def _is_form(headers: dict[bytes, str]) -> bool:
     return headers.get(b"content-type", "").lower().startswith("multipart/form-data")
+
+
+def _is_large(headers: dict[bytes, str]) -> bool:
+    """Whether a body takes much memory, or does not say how much."""
+    if _is_form(headers):
+        return False
+    length = headers.get(b"content-length", "0")
+    return b"transfer-encoding" in headers or not length.isdecimal() or int(length) > LARGE
 
 
 def too_large(found: int, most: int, form: bool) -> TooLarge:

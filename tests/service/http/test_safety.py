@@ -1,7 +1,9 @@
 """Who may ask, by what name, how much; and what leaves the house."""
 
+import functools
 import socket
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -85,6 +87,27 @@ def test_what_is_no_form_stays_in_memory_and_has_a_limit_of_its_own(tmp_path: Pa
         assert (chunked.status_code, chunked.json()["code"]) == (413, "too_large")
         in_a_form = http.post("/api/v1/batches", files={"files": ("a.csv", bytes(2**16 + 1))})
         assert in_a_form.status_code == 422, in_a_form.text  # read, and found to be no trace
+
+
+def test_only_some_large_bodies_are_in_memory_at_the_same_time(tmp_path: Path, monkeypatch):
+    monkeypatch.setattr(safety, "LARGE", 1000)
+    monkeypatch.setattr(safety, "ABREAST", 1)
+    settings = Settings(db=f"sqlite:///{tmp_path / 'jobs.db'}", warm=False)
+    with (
+        listening(settings) as (address, _),
+        socket.create_connection(("127.0.0.1", urlsplit(address).port), 10) as line,
+        ThreadPoolExecutor(1) as pool,
+    ):
+        line.sendall(b"POST /api/v1/fits HTTP/1.1\r\nHost: localhost\r\nContent-Length: 2000\r\n\r\n{")
+        time.sleep(0.3)  # it is being read
+        post = functools.partial(httpx.post, f"{address}/api/v1/fits", timeout=30, trust_env=False)
+        large = pool.submit(post, content=bytes(2000))
+        assert post(content=bytes(1000)).status_code == 422  # a small one does not wait, and is no JSON
+        assert post(files={"file": bytes(2000)}).status_code == 422  # nor does a form
+        time.sleep(0.3)
+        assert not large.done()
+        line.close()
+        assert large.result(20).status_code == 422
 
 
 def test_a_body_that_does_not_arrive_is_given_up(tmp_path: Path):
