@@ -27,6 +27,7 @@ from typing import Any
 
 import jax
 
+from jshell.engines.quiet import LOGGING, quiet
 from jshell.errors import BadValue, WorkerLost
 
 SETTINGS = (
@@ -35,6 +36,7 @@ SETTINGS = (
     "jax_persistent_cache_min_entry_size_bytes",
     "jax_enable_x64",
     "jax_numpy_rank_promotion",
+    LOGGING,
 )
 PATIENCE = 10.0  # [s] in which an idle process ends by itself
 
@@ -139,6 +141,7 @@ class Processes(Executor):
         if not settings["jax_compilation_cache_dir"]:
             self._cache = tempfile.TemporaryDirectory(prefix="jshell-compiled-", ignore_cleanup_errors=True)
             settings["jax_compilation_cache_dir"] = self._cache.name
+            settings[LOGGING] = quiet(settings[LOGGING])
         self._change = threading.Condition()
         self._waiting: deque[Task] = deque()
         self._closed = False

@@ -24,6 +24,7 @@ import jax
 
 from jshell import engines
 from jshell.engines import Processes
+from jshell.engines.quiet import LOGGING, quiet
 from jshell.errors import BadStore, JshellError, LimitReached, StoreUnavailable, WorkerLost
 from jshell.service import tasks
 from jshell.service.settings import Settings
@@ -319,6 +320,7 @@ def _keep_programs_in(folder: str | None) -> None:
             return
         home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
         folder = str(home / "jshell" / f"programs-{_machine()}")
+        jax.config.update(LOGGING, quiet(getattr(jax.config, LOGGING)))
     try:
         Path(folder).mkdir(parents=True, exist_ok=True)
     except OSError as error:

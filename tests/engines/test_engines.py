@@ -10,10 +10,12 @@ import threading
 import time
 from concurrent.futures import Future
 
+import jax
 import psutil
 import pytest
 
 from jshell import engines
+from jshell.engines.quiet import quiet
 from jshell.errors import BadName, BadValue, WorkerLost
 
 PATIENCE = 90.0  # [s] for a spawned process to begin and answer
@@ -66,6 +68,25 @@ def test_dead_process_costs_its_own_task_and_is_replaced():
             sleeper.result(timeout=PATIENCE)
         began |= {engine.submit(os.getpid).result(timeout=PATIENCE)}
     assert not alive(began)
+
+
+def level() -> str | None:
+    """In the process: what XLA may say."""
+    return jax.config.jax_logging_level
+
+
+def test_programs_of_our_own_are_not_warned_of_unless_the_user_listens(monkeypatch):
+    monkeypatch.delenv("TF_CPP_MIN_LOG_LEVEL", raising=False)
+    assert [quiet(chosen) for chosen in (None, "NOTSET", "DEBUG")] == ["CRITICAL", "CRITICAL", "DEBUG"]
+    before = jax.config.jax_compilation_cache_dir
+    jax.config.update("jax_compilation_cache_dir", None)
+    try:
+        with engines.open("processes:1") as engine:
+            assert engine.submit(level).result(timeout=PATIENCE) == "CRITICAL"
+    finally:
+        jax.config.update("jax_compilation_cache_dir", before)
+    monkeypatch.setenv("TF_CPP_MIN_LOG_LEVEL", "0")
+    assert quiet("NOTSET") == "NOTSET"
 
 
 def half_an_answer() -> None:
