@@ -3,12 +3,13 @@
 Starts `jshell serve` as a user does, asks it from this process, and prints tables in Markdown. Without arguments all of
 them, else those named:
 
-    .venv/bin/python benchmarks/serving.py clients full batch
+    .venv/bin/python benchmarks/serving.py clients full batch short
 
 `clients`: 32 clients hand in 1 000 different fits while the worker fits them. `full`: the same against a short queue.
 `batch`: 10 000 traces handed in at once, as arrays in memory, as one file of arrays, as files of traces in an archive;
 against `fit_batch` in this process from the same arrays, file and files, both warm, in turn; the same numbers to the
-bit, else it fails. `floor.py` shows what the least that any service does would leave of it.
+bit, else it fails. `short`: the same for arrays of fewer samples. `floor.py` shows what the least that any service does
+would leave of it.
 """
 
 import contextlib
@@ -157,21 +158,43 @@ def batch() -> None:
             with served("--workers", workers) as address, Client(address, timeout=600) as client:
                 client.fit_batch(records, seed=TURNS, seconds=1800)  # every process has compiled
                 for kind, turns in (("arrays", TURNS), ("npz", TURNS), ("trace files", 1)):
-                    spent = []
-                    for turn in range(turns):
-                        records = changed(records)
-                        mine, theirs = handed(kind, records, Path(folder))
-                        time.sleep(REST)
-                        begun = time.perf_counter()
-                        here = mine(turn)
-                        fitted = time.perf_counter()
-                        there = theirs(client, turn)
-                        spent.append((fitted - begun, time.perf_counter() - fitted))
-                        if not np.array_equal(here.values, there.values, equal_nan=True):
-                            raise RuntimeError("other numbers through HTTP than here")
-                    best, middle = np.min(spent, axis=0), np.median(spent, axis=0)
-                    ratios = f"{best[0] / best[1]:.2f} | {middle[0] / middle[1]:.2f}"
-                    print(f"| {kind} | {workers} | {best[0]:.2f} | {best[1]:.2f} | {ratios} |", flush=True)
+                    records, row = compared(client, kind, records, turns, Path(folder))
+                    print(f"| {kind} | {workers} | {row} |", flush=True)
+
+
+def short() -> None:
+    """The same arrays with every second and every fourth sample, two worker processes."""
+    from fits import recordings
+
+    whole, _ = recordings(ROWS, 0.01)
+    print(f"\n### one batch of {ROWS} shorter traces, arrays in memory, two worker processes\n")
+    print("| samples | library [s] | through HTTP [s] | of its throughput, best | median |\n|---|---|---|---|---|")
+    for every in (2, 4):
+        values = np.ascontiguousarray(np.asarray(whole.values)[:, :, ::every])
+        records = Recordings(np.asarray(whole.times)[::every], values, whole.conditions)
+        fit_batch(records)
+        with served("--workers", "2") as address, Client(address, timeout=600) as client:
+            client.fit_batch(records, seed=TURNS, seconds=1800)  # every process has compiled
+            _, row = compared(client, "arrays", records, TURNS, Path())
+        print(f"| {values.shape[2]} | {row} |", flush=True)
+
+
+def compared(client: Client, kind: str, records: Recordings, turns: int, folder: Path) -> tuple[Recordings, str]:
+    """The latest records, and times and ratios as cells of a row."""
+    spent = []
+    for turn in range(turns):
+        records = changed(records)
+        mine, theirs = handed(kind, records, folder)
+        time.sleep(REST)
+        begun = time.perf_counter()
+        here = mine(turn)
+        fitted = time.perf_counter()
+        there = theirs(client, turn)
+        spent.append((fitted - begun, time.perf_counter() - fitted))
+        if not np.array_equal(here.values, there.values, equal_nan=True):
+            raise RuntimeError("other numbers through HTTP than here")
+    best, middle = np.min(spent, axis=0), np.median(spent, axis=0)
+    return records, f"{best[0]:.2f} | {best[1]:.2f} | {best[0] / best[1]:.2f} | {middle[0] / middle[1]:.2f}"
 
 
 def handed(kind: str, records: Recordings, folder: Path) -> tuple[Callable, Callable]:
@@ -208,8 +231,8 @@ def changed(records: Recordings) -> Recordings:
 
 
 def main() -> None:
-    for name in sys.argv[1:] or ("clients", "full", "batch"):
-        {"clients": clients, "full": full, "batch": batch}[name]()
+    for name in sys.argv[1:] or ("clients", "full", "batch", "short"):
+        {"clients": clients, "full": full, "batch": batch, "short": short}[name]()
 
 
 if __name__ == "__main__":

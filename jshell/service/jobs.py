@@ -20,7 +20,7 @@ from jshell.service.store import JobRow, Store
 from jshell.trace import Trace
 
 PLURAL = {"fit": "fits", "batch": "batches", "simulate": "simulations"}
-FILES = {
+FILES = {  # by suffix; table and report of a batch are made of its record when they are asked for
     "fit": {"json": "record.json", "csv": "table.csv", "nc": "record.nc", "txt": "report.txt"},
     "batch": {"npz": "record.npz", "csv": "table.csv", "txt": "report.txt"},
     "simulate": {"json": "trace.json", "csv": "trace.csv", "nc": "trace.nc"},
