@@ -64,11 +64,11 @@ def main() -> None:
         [abs(float(volume(s.meridian, s.coordinates) / fine.volume) - 1) for s in (shapes[n] for n in ELEMENTS)],
     )
     row("elastic energy of R at rest", spacing, [abs(energy(shapes[n]) / energy(fine) - 1) for n in ELEMENTS])
-    tones = {n: np.asarray(vibrations(shapes[n], R, 2, False, "current").omega) for n in shapes}
+    tones = {n: np.asarray(vibrations(shapes[n], R, 2, "ideal", "current").omega) for n in shapes}
     for k in range(2):
         row(f"mode {k + 1} of R", spacing, [abs(tones[n][k] / tones[FINEST][k] - 1) for n in ELEMENTS])
 
-    found = js.dynamics.modes(R, elements=16, stokes_layer=False)
+    found = js.dynamics.modes(R, elements=16, liquid="ideal")
     kick = js.dynamics.kick(found, 0.02, (1, 2))
     run = lambda h: np.asarray(  # noqa: E731
         js.dynamics.simulate(R, start=found.rest, velocity=kick, duration=10.0, step=h)["V"]

@@ -26,6 +26,7 @@ class Outcome(enum.IntEnum):
     STALLED = 8
     UNUSABLE_DATA = 9
     NOT_FINITE = 10
+    OVERDAMPED = 11
 
     @property
     def word(self) -> str:
@@ -49,6 +50,7 @@ _ADVICE = {
     Outcome.STALLED: "the solver stopped making progress before it converged: try other starts",
     Outcome.UNUSABLE_DATA: "the data cannot carry this analysis: use a longer or cleaner record",
     Outcome.NOT_FINITE: "the model gave no finite number: no start led to two oscillating modes",
+    Outcome.OVERDAMPED: "nothing oscillates in so viscous a liquid: only the decay time means anything",
 }
 
 

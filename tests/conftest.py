@@ -95,7 +95,7 @@ def modes_R(R):
 
 @pytest.fixture(scope="session")
 def undamped_R(R):
-    return dynamics.modes(R, elements=ELEMENTS, stokes_layer=False)
+    return dynamics.modes(R, elements=ELEMENTS, liquid="ideal")
 
 
 @pytest.fixture(scope="session")

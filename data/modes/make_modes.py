@@ -30,7 +30,7 @@ def main() -> None:
             load = float(buckling_load(js.Reduced(thickness, gas, gas)))
             for factor in BEYOND:
                 shell = js.Reduced(thickness, gas, factor * load)
-                found = js.dynamics.modes(shell, count=COUNT, stokes_layer=False, elements=elements)
+                found = js.dynamics.modes(shell, count=COUNT, liquid="ideal", elements=elements)
                 sound = int(found.rest.outcome) == 0 and not np.any(np.asarray(found.outcome))
                 if not sound:
                     print(f"left out: {thickness}, {gas}, {factor}: {js.Outcome(int(found.rest.outcome)).word}")

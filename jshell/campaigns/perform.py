@@ -110,7 +110,7 @@ def _buckled(run: Run) -> tuple[Findings, Trace | None]:
     if run.offset and int(state.outcome) == Outcome.OK:
         conditions = offset(conditions, state.volume, jnp.asarray(run.offset)).as_arrays()
     found = modes(conditions, count=MODES, weak_spot=spot, **mesh)
-    lossless = modes(conditions, count=MODES, stokes_layer=False, weak_spot=spot, **mesh)
+    lossless = modes(conditions, count=MODES, liquid="ideal", weak_spot=spot, **mesh)
     outcome = Outcome(int(found.rest.outcome))
     findings = Findings(outcome=outcome.word, P_ext=float(np.asarray(conditions.outer_pressure)))
     if outcome == Outcome.OK:

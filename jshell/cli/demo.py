@@ -61,7 +61,7 @@ def demo(
 
     with step("rest shape and modes of R"):
         rest = membrane.rest(conditions, elements=elements, throw=True)
-        undamped = dynamics.modes(conditions, elements=elements, stokes_layer=False, throw=True)
+        undamped = dynamics.modes(conditions, elements=elements, liquid="ideal", throw=True)
         damped = dynamics.modes(conditions, elements=elements, throw=True)
         attached = dynamics.modes(conditions, elements=elements, attached=0.3272, throw=True)
     show(rest_rows(rest, undamped, damped, attached), as_json)

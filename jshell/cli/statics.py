@@ -159,21 +159,29 @@ def modes(
     problem: Problem,
     branch: Annotated[str, typer.Option("--branch", help="buckled or sphere.")] = "buckled",
     attached: Attached = 0.0,
+    liquid: Annotated[
+        str,
+        typer.Option("--liquid", help="exact (any viscosity), second or layer (orders of a thin layer), ideal."),
+    ] = "exact",
     stokes_layer: Annotated[
-        bool, typer.Option("--stokes-layer/--no-stokes-layer", help="Viscosity of the liquid.")
-    ] = True,
+        bool | None,
+        typer.Option("--stokes-layer/--no-stokes-layer", help="Deprecated: --liquid layer, --liquid ideal."),
+    ] = None,
     count: Annotated[int, typer.Option("--count", help="How many modes.")] = 4,
     elements: Elements = 32,
     spot: Spot = None,
     as_json: Json = False,
 ) -> None:
     """Small vibrations about the rest shape: frequencies, decay times, changes of volume and area."""
-    if stokes_layer:
+    if stokes_layer is not None:
+        liquid = "layer" if stokes_layer else "ideal"
+        log(f"--{'' if stokes_layer else 'no-'}stokes-layer is now --liquid {liquid}; the default is exact")
+    if liquid != "ideal":
         problem.needs_viscosity()
     found = dynamics.modes(
         problem.conditions,
         count=count,
-        stokes_layer=stokes_layer,
+        liquid=liquid,
         branch=branch,
         elements=elements,
         attached=attached,

@@ -193,53 +193,70 @@ def _build(breaks: Numbers, attached: float, edge: int | None) -> Meridian:
     )
 
 
-def _near(breaks: Numbers, even: ParitySplines, odd: ParitySplines, potential: ParitySplines) -> Near:
-    """Graded quadrature beside every node, with divided differences from exact Taylor coefficients.
+class Beside:
+    """Graded quadrature on the two elements that touch every node.
 
     A ring kernel near its own ring divides two small numbers, so differences
-    from the node are never formed by subtraction.
+    from the node are never formed by subtraction: a spline's value, its slope,
+    its divided difference from the node and the slope of that come from its
+    exact Taylor coefficients about the node.
+
+    Args:
+        breaks: (elements + 1,) breakpoints [rad], NumPy numbers or traced by JAX.
+        points: Graded points on each of the two elements.
+
+    Attributes:
+        weights, gaps: (nodes, 2 points) weights, and distances from the node with their sign [rad].
     """
-    xp = breaks.__array_namespace__()
-    gauss, gauss_weights = np.polynomial.legendre.leggauss(NEAR_POINTS)
-    u = (gauss + 1) / 2
-    graded, graded_weights = u**GRADING, GRADING * u ** (GRADING - 1) * gauss_weights / 2
-    lengths = (breaks[1:] - breaks[:-1])[:, None]
-    half = lengths[:, :, None] / 2
 
-    def beside(after, before):
-        """(nodes, 2 NEAR_POINTS, …): the element before each node, then the one after it.
+    def __init__(self, breaks: Numbers, points: int = NEAR_POINTS) -> None:
+        xp = breaks.__array_namespace__()
+        gauss, gauss_weights = np.polynomial.legendre.leggauss(points)
+        u = (gauss + 1) / 2
+        self._graded, graded_weights = u**GRADING, GRADING * u ** (GRADING - 1) * gauss_weights / 2
+        lengths = (breaks[1:] - breaks[:-1])[:, None]
+        self._half = lengths[:, :, None] / 2
+        # beyond a pole there is no element: weight zero, geometry of the other side
+        inside, nothing = lengths * graded_weights[None], xp.zeros((1, points))
+        self.weights = jnp.asarray(
+            xp.concat([xp.concat([nothing, inside]), xp.concat([inside, nothing])], axis=1)
+        )  # fmt: skip
+        self.gaps = self._sides(lengths * self._graded[None], -lengths * self._graded[None])
 
-        Beyond a pole there is no element: weight zero, geometry of the other side.
-        """
+    def _sides(self, after: Numbers, before: Numbers) -> Float[Array, "nodes near ..."]:
+        """(nodes, 2 points, …): the element before each node, then the one after it."""
+        xp = self._half.__array_namespace__()
         first = xp.concat([after[:1], before])
         second = xp.concat([after, before[-1:]])
         return jnp.asarray(xp.concat([first, second], axis=1))
 
-    def polynomials(basis, order):
-        """Value and slope, then quotient and its slope, from both ends of every element."""
+    def polynomials(self, basis: ParitySplines, order: int) -> list[Float[Array, "nodes near size"]]:
+        """The first `order` of value, slope, quotient and its slope; the basis has the breakpoints given here."""
+        xp = self._half.__array_namespace__()
         sides = []
         for side in (1, -1):
             taylor = basis.taylor(side)
-            du = 2.0 * side * graded[:, None]
+            du = 2.0 * side * self._graded[:, None]
             k = np.arange(ORDER)
             value = du**k
             slope = k * du ** np.maximum(k - 1, 0)
             quotient = np.where(k >= 1, du ** np.maximum(k - 1, 0), 0.0)
             quotient_slope = np.where(k >= 2, (k - 1) * du ** np.maximum(k - 2, 0), 0.0)
             made = (value, slope, quotient, quotient_slope)[:order]
-            scales = (1.0, half, half, half**2)
+            scales = (1.0, self._half, self._half, self._half**2)
             sides.append([xp.matmul(xp.asarray(m), taylor) / s for m, s in zip(made, scales, strict=False)])
-        return [beside(after, before) for after, before in zip(*sides, strict=True)]
+        return [self._sides(after, before) for after, before in zip(*sides, strict=True)]
 
-    inside = lengths * graded_weights[None]
-    nothing = xp.zeros((1, NEAR_POINTS))
-    weights = xp.concat([xp.concat([nothing, inside]), xp.concat([inside, nothing])], axis=1)
-    xv, xs, xq, xqs = polynomials(even, 4)
-    rv, rs, rq, rqs = polynomials(odd, 4)
-    pot = xv if potential is even else polynomials(potential, 1)[0]
+
+def _near(breaks: Numbers, even: ParitySplines, odd: ParitySplines, potential: ParitySplines) -> Near:
+    """The quadrature beside every node, with what the potential flow needs of each basis."""
+    beside = Beside(breaks)
+    xv, xs, xq, xqs = beside.polynomials(even, 4)
+    rv, rs, rq, rqs = beside.polynomials(odd, 4)
+    pot = xv if potential is even else beside.polynomials(potential, 1)[0]
     return Near(
-        weights=jnp.asarray(weights),
-        gaps=beside(lengths * graded[None], -lengths * graded[None]),
+        weights=beside.weights,
+        gaps=beside.gaps,
         x_slope=xs,
         r_slope=rs,
         x_quotient=xq,

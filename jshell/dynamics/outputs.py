@@ -190,7 +190,7 @@ def mode_shapes(
 
     Example:
         >>> import jshell as js
-        >>> found = js.dynamics.modes(js.presets.R.conditions, stokes_layer=False)
+        >>> found = js.dynamics.modes(js.presets.R.conditions, liquid="ideal")
         >>> js.dynamics.mode_shapes(found).x.shape
         (4, 2, 181)
     """

@@ -1,13 +1,16 @@
-"""The liquid: ring kernels, added mass, Stokes layer, the flow around the shell."""
+"""The liquid: ring kernels, added mass, viscosity exact and by orders of a thin layer, the flow around the shell."""
 
 from jshell.flow.added_mass import Flow, added_mass, flow, slip_operator
 from jshell.flow.bulk_loss import bulk_resistance
 from jshell.flow.elliptic import complete
 from jshell.flow.field import FluidField, field
+from jshell.flow.second_order import SecondOrder, second_order, second_resistance
 from jshell.flow.stokes_layer import SingleFrequency, single_frequency, slip_matrix
 from jshell.flow.turning import turning
+from jshell.flow.viscous import ViscousLiquid, impedance, viscous_liquid
 
 __all__ = [
-    "Flow", "FluidField", "SingleFrequency", "added_mass", "bulk_resistance", "complete", "field", "flow",
-    "single_frequency", "slip_matrix", "slip_operator", "turning",
+    "Flow", "FluidField", "SecondOrder", "SingleFrequency", "ViscousLiquid", "added_mass", "bulk_resistance",
+    "complete", "field", "flow", "impedance", "second_order", "second_resistance", "single_frequency", "slip_matrix",
+    "slip_operator", "turning", "viscous_liquid",
 ]  # fmt: skip

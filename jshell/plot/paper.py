@@ -139,7 +139,7 @@ def control(material: Material) -> Figure:
 
 def coordinates(material: Material) -> Figure:
     """fig:schememodel."""
-    found = dynamics.modes(presets.R.conditions, count=2, stokes_layer=False, elements=material.elements, throw=True)
+    found = dynamics.modes(presets.R.conditions, count=2, liquid="ideal", elements=material.elements, throw=True)
     return paper_shapes.coordinates(found)
 
 

@@ -62,7 +62,7 @@ def test_undamped_modes_are_those_of_a_dense_eigenvalue_solver(undamped_R, parts
 
 def test_undamped_modes_of_other_shells(cases, make_problem):
     for case in cases[1:]:
-        found = modes(make_problem(case["d"], case["P0"], case["Pext"]), elements=ELEMENTS, stokes_layer=False)
+        found = modes(make_problem(case["d"], case["P0"], case["Pext"]), elements=ELEMENTS, liquid="ideal")
         # four digits are given; the rim of the thin shell needs 32 elements for them (then 1e-5)
         np.testing.assert_allclose(found.omega, case["a0.0"]["w"], rtol=3e-4 if case["d"] < 0.2 else 1e-4)
 
@@ -82,7 +82,7 @@ def test_modes_are_normalised_and_orthogonal(undamped_R, parts):
 def test_modes_of_the_sphere_are_the_closed_forms(d, known, make_problem):
     """Shape modes n = 2, 3, 4 of the stress-free sphere, and the breathing mode of eq:wsphere."""
     problem = make_problem(d, 1e-9, 1e-9)
-    found = modes(problem, branch="sphere", elements=ELEMENTS, stokes_layer=False)
+    found = modes(problem, branch="sphere", elements=ELEMENTS, liquid="ideal")
     omega, dV = np.asarray(found.omega), np.abs(np.asarray(found.dV))
     breathing = int(np.argmax(dV))
     # six digits are printed, 24 elements carry n = 4 to 1e-5
@@ -199,7 +199,7 @@ def test_modes_of_a_state_that_is_not_there_say_so(family, make_problem):
 def test_modes_of_an_unstable_sphere_are_not_converged(make_problem):
     problem = make_problem(0.22, 0.9, 1.6)
     assert float(rest(problem, branch="sphere", elements=ELEMENTS).stability) < 0
-    found = modes(problem, branch="sphere", elements=ELEMENTS, stokes_layer=False)
+    found = modes(problem, branch="sphere", elements=ELEMENTS, liquid="ideal")
     assert np.all(np.asarray(found.outcome) == Outcome.NOT_CONVERGED)
 
 

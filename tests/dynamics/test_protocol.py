@@ -140,7 +140,7 @@ def test_a_tolerance_is_met(make_problem):
 
 @pytest.mark.slow
 def test_modes_at_the_usual_elements_are_converged(R):
-    found = estimate_modes_error(R, elements=32, count=4, stokes_layer=False)
+    found = estimate_modes_error(R, elements=32, count=4, liquid="ideal")
     # asked: 5e-4
     assert found.omega.max() < 2e-5
 

@@ -16,7 +16,7 @@ def ring_down(p):
     """J = ∫ (V - V_e)² dt over 20 units, R displaced along its slow mode to δV = 0.02 V0."""
     conditions = js.Reduced(p[0], 0.9, p[1], p[2])
     rest = js.membrane.rest(conditions, elements=ELEMENTS)
-    slow = js.dynamics.modes(conditions, elements=ELEMENTS, count=2, stokes_layer=False)
+    slow = js.dynamics.modes(conditions, elements=ELEMENTS, count=2, liquid="ideal")
     away = jnp.real(slow.shapes[0]) * 0.02 * SPHERE_VOLUME / slow.dV[0]
     trace = js.dynamics.simulate(
         conditions, start=rest, displacement=away, duration=DURATION, every=0.1, step=STEP, stokes_frequency=1.03
