@@ -40,7 +40,7 @@ class Findings:
         verdict: How many modes the record needs.
         P_ext: Outer pressure during the run: that of the problem and the offset.
         V_e, S_e, P_e: Rest state; V_e_over_V0, S_e_over_S0 its ratios to the stress-free sphere.
-        modes_omega, modes_tau: |s| and τ of the four slowest modes with Stokes layer.
+        modes_omega, modes_tau: |s| and τ of the four slowest modes in the run's liquid; τ alone where overdamped.
         modes_dV, modes_dS: Change of V and S along each, as in `jshell.dynamics.Modes`.
         undamped_omega: Of the four slowest modes without viscosity.
         undamped_dV: Change of V along each.
@@ -121,7 +121,7 @@ class Findings:
         return dataclasses.replace(
             self,
             modes_omega=_sound(damped.omega, damped),
-            modes_tau=_sound(damped.tau, damped),
+            modes_tau=_sound(damped.tau, damped, Outcome.OVERDAMPED),
             modes_dV=_sound(damped.dV, damped),
             modes_dS=_sound(damped.dS, damped),
             undamped_omega=_sound(undamped.omega, undamped),
@@ -208,8 +208,8 @@ def finite(value: Any) -> float | None:
     return float(value) if value is not None and math.isfinite(float(value)) else None
 
 
-def _sound(values: Any, found: Modes) -> Four:
-    """The values of the modes that converged."""
-    ok = np.asarray(found.outcome) == Outcome.OK
+def _sound(values: Any, found: Modes, *also: Outcome) -> Four:
+    """The values of the modes that are ok, or that ended in another way in which this number has its meaning."""
+    good = np.isin(np.asarray(found.outcome), (Outcome.OK, *also))
     numbers = np.asarray(values)
-    return tuple(finite(numbers[k]) if k < ok.size and ok[k] else None for k in range(MODES))
+    return tuple(finite(numbers[k]) if k < good.size and good[k] else None for k in range(MODES))

@@ -28,7 +28,7 @@ from jshell.shell.sphere import sphere_frequency
 from jshell.trace import Trace, Values
 
 CHANNELS = ("V", "S", "H", "W", "x_front", "v_front")
-SPHERE_LOSSES = Losses(stokes="none", bulk=True)  # a breathing sphere slips nowhere: its loss is in the bulk
+SPHERE_LOSSES = Losses(stokes="none", bulk=True)  # a breathing wall slides nowhere: all its loss is the flow's own
 KICKED = (1, 2)
 
 
@@ -109,7 +109,7 @@ def _buckled(run: Run) -> tuple[Findings, Trace | None]:
     state = rest(conditions, weak_spot=spot, **mesh)
     if run.offset and int(state.outcome) == Outcome.OK:
         conditions = offset(conditions, state.volume, jnp.asarray(run.offset)).as_arrays()
-    found = modes(conditions, count=MODES, weak_spot=spot, **mesh)
+    found = modes(conditions, count=MODES, liquid=run.liquid, weak_spot=spot, **mesh)
     lossless = modes(conditions, count=MODES, liquid="ideal", weak_spot=spot, **mesh)
     outcome = Outcome(int(found.rest.outcome))
     findings = Findings(outcome=outcome.word, P_ext=float(np.asarray(conditions.outer_pressure)))
@@ -119,7 +119,7 @@ def _buckled(run: Run) -> tuple[Findings, Trace | None]:
         return replace(findings, reason=outcome.advice), None
     if run.kind == "modes":
         return findings, None
-    common = {"duration": run.duration, "every": run.every, "follow": run.follow, "losses": Losses(bulk=run.bulk)}
+    common = {"duration": run.duration, "every": run.every, "follow": run.follow}
     if run.kind == "snap":
         trace = simulate(run.conditions, ramp=run.ramp, weak_spot=spot, **mesh, **common)
         if "buckled_at" in dict(trace.settings) or int(trace.outcome) != Outcome.OK:

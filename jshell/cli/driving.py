@@ -63,7 +63,16 @@ StokesFrequency = Annotated[
     ),
 ]
 Bulk = Annotated[
-    bool, typer.Option("--bulk", help="Viscous loss of the potential flow itself.", rich_help_panel=_LOSSES)
+    bool,
+    typer.Option(
+        "--bulk",
+        help="Viscous loss of the potential flow, for a wall that slips: --stokes none.",
+        rich_help_panel=_LOSSES,
+    ),
+]
+Order = Annotated[
+    int,
+    typer.Option("--order", help="Of the Stokes layer in √η̂: 2, or 1 for the layer alone.", rich_help_panel=_LOSSES),
 ]
 WallDilatation = Annotated[
     float | None,
@@ -130,12 +139,13 @@ def losses(
     dilatation: float | None,
     retardation: float | None,
     reynolds: bool,
+    order: int = 2,
 ) -> Losses:
     """The losses that the options describe.
 
     Raises:
         BadName: No such Stokes layer.
-        BadValue: A frequency without its layer, or the layer without its frequency.
+        BadValue: A frequency without its layer, the layer without its frequency, bulk loss beside a layer, no such order.
     """
     chosen = stokes if stokes is not None else ("memory" if frequency is None else "frequency")
     if chosen not in STOKES:
@@ -150,4 +160,5 @@ def losses(
     loss = None
     if dilatation is not None or retardation is not None:
         loss = WallLoss(dilatation=dilatation or 0.0, retardation=retardation or 0.0)
-    return Losses(chosen, frequency=frequency, bulk=bulk, wall=loss, drag=Reynolds() if reynolds else None)
+    drag = Reynolds() if reynolds else None
+    return Losses(chosen, frequency=frequency, order=order, bulk=bulk, wall=loss, drag=drag)

@@ -19,6 +19,7 @@ from jshell.cli.driving import (
     BurstStart,
     PressureFile,
     Retardation,
+    Order,
     ReynoldsLaw,
     Stokes,
     StokesFrequency,
@@ -70,6 +71,7 @@ def simulate(
     stokes: Stokes = None,
     stokes_frequency: StokesFrequency = None,
     bulk: Bulk = False,
+    order: Order = 2,
     wall_dilatation: WallDilatation = None,
     retardation: Retardation = None,
     reynolds: ReynoldsLaw = False,
@@ -98,7 +100,7 @@ def simulate(
         )
     writable(checkpoint, "--checkpoint")
     pressure, added = outer_pressure(pressure_file, problem), forcing(tone, burst, burst_start)
-    lost = losses(stokes, stokes_frequency, bulk, wall_dilatation, retardation, reynolds)
+    lost = losses(stokes, stokes_frequency, bulk, wall_dilatation, retardation, reynolds, order)
     if not quiet:
         log(f"simulating {duration:g} time units on {elements} elements")
     pictured = film is not None or gif is not None

@@ -18,11 +18,11 @@ from jaxtyping import Array, Float
 
 from jshell.contour import Meridian, poles, speed
 from jshell.dynamics.losses import Losses, drag_rate
-from jshell.flow import bulk_resistance, flow, slip_operator, turning
-from jshell.flow.bulk_loss import bulk_stress
+from jshell.flow import bulk_resistance, flow, second_resistance, slip_operator, turning
 from jshell.flow.panels import Layers, flux_of, flux_operator, green_of, layers, single_layer_of
+from jshell.flow.second_order import AtWall, displaced_source, slip_splines, stresses
 from jshell.flow.turning import turned
-from jshell.flow.wall_motion import across_wall, across_wall_slope, along_wall, every_motion, one_motion
+from jshell.flow.wall_motion import across_wall, across_wall_slope, along_wall, column, every_motion, one_motion
 from jshell.membrane import Wall, wall_resistance
 from jshell.membrane.viscous import wall_rates
 from jshell.memory import HalfDerivative
@@ -46,7 +46,8 @@ class Body(NamedTuple):
 
 
 class Dense(NamedTuple):
-    """Matrices of a shape in motion: mass M, slip W, turning T, losses of bulk B and wall C; the inverse of 1/2 - D."""
+    """Matrices of a shape in motion: mass M, slip W, turning T, the liquid's loss B beside the layer's first order, the
+    wall's loss C; the inverse of 1/2 - D."""
 
     M: Matrix
     W: Float[Array, "points coordinates"]
@@ -67,12 +68,15 @@ def dense(body: Body, q: Coordinates, u: Coordinates) -> Dense:
     curve = current.parts.curve
     surface = 2 * jnp.pi * shape.weights * curve.r * speed(curve)
     M = current.mass + body.layer.mass * ((W.T * surface[None]) @ W) + body.solid
-    none = jnp.zeros_like(M)
-    B = jnp.asarray(body.conditions.viscosity) * bulk_resistance(shape, current) if body.losses.bulk else none
+    inverse = jsl.lu_solve(current.factors, jnp.eye(current.potential.shape[0]))
+    none, viscosity = jnp.zeros_like(M), jnp.asarray(body.conditions.viscosity)
+    if body.losses.second:
+        B = viscosity * second_resistance(shape, current, W, inverse)
+    else:
+        B = viscosity * bulk_resistance(shape, current) if body.losses.bulk else none
     viscous = body.losses.wall
     C = none if viscous is None else wall_resistance(shape, q, body.wall, viscous)
     y = current.potential @ u
-    inverse = jsl.lu_solve(current.factors, jnp.eye(y.size))
     z = -inverse.T @ jax.grad(kinetic, argnums=3)(body, q, u, y)
     drag = drag_rate(body.losses, poles(shape, u)[0], body.conditions.viscosity)
     T = turning(shape, q, current, u)
@@ -143,11 +147,13 @@ class Free(NamedTuple):
         return _thrust(self.body, self.q, self.u, y, z)
 
     def potential(self, v: Coordinates) -> Float[Array, "nodes"]:
-        """y = P v: one solve, and one Newton step with the held inverse that carries the derivative."""
-        shape, parts = self.body.shape, self.parts
-        load = single_layer_of(shape, parts, v)
+        """y = P v."""
+        return self._flow(single_layer_of(self.body.shape, self.parts, v))
+
+    def _flow(self, load: Float[Array, "nodes"]) -> Float[Array, "nodes"]:
+        """Potential of a single layer: one solve, and one Newton step with the held inverse for the derivative."""
         held = jax.lax.stop_gradient(-self.inverse @ load)
-        return held - self.inverse @ (green_of(shape, parts, held) + load)
+        return held - self.inverse @ (green_of(self.body.shape, self.parts, held) + load)
 
     def _adjoint(self, f: Float[Array, "nodes"]) -> Float[Array, "nodes"]:
         """z with (1/2 - D)ᵀ z = -f."""
@@ -190,17 +196,31 @@ class Free(NamedTuple):
         return jax.linear_transpose(self.turning, c)(Through(c, self.potential(c)))[0]
 
     def bulk(self, v: Coordinates, y: Float[Array, "nodes"]) -> Through:
-        """Resistance of the potential flow itself."""
-        if not self.body.losses.bulk:
+        """What the liquid takes beside the layer's first order: its second, or the loss of a slipping wall's flow."""
+        if not (self.body.losses.second or self.body.losses.bulk):
             return Through(jnp.zeros_like(v), jnp.zeros_like(y))
-        shape, curve = self.body.shape, self.parts.curve
-        each, one, ds = every_motion(shape), one_motion(shape, v), speed(curve)
-        liquid = (shape.potential_basis[1] @ y / ds)[:, None]
-        stresses = bulk_stress(shape, curve, across_wall(curve, one), across_wall_slope(curve, one), liquid)
-        on_v, on_v_s, on_u_s = (stress[:, 0] for stress in stresses)
-        wall = across_wall(curve, each).T @ on_v + across_wall_slope(curve, each).T @ on_v_s
-        viscosity = jnp.asarray(self.body.conditions.viscosity)
-        return Through(viscosity * wall, viscosity * (shape.potential_basis[1].T @ (on_u_s / ds)))
+        shape, curve, ds = self.body.shape, self.parts.curve, speed(self.parts.curve)
+        slope = shape.potential_basis[1]
+        one, u_s = one_motion(shape, v), slope @ y / ds
+        w = self.slip(v, y) if self.body.losses.second else jnp.zeros_like(u_s)
+        wall = AtWall(across_wall(curve, one), across_wall_slope(curve, one), column(u_s), column(w))
+        on = AtWall(*(part[:, 0] for part in stresses(shape, curve, wall)))
+        each = every_motion(shape)
+        direct = across_wall(curve, each).T @ on.v + across_wall_slope(curve, each).T @ on.v_s
+        force = Through(direct, slope.T @ (on.u_s / ds))
+        if self.body.losses.second:
+            force = force.plus(self.slip_transposed(on.w + self._displaced(w)))
+        return Through(jnp.zeros_like(v), jnp.zeros_like(y)).plus(force, jnp.asarray(self.body.conditions.viscosity))
+
+    def _displaced(self, w: Points) -> Points:
+        """Force on the slip by the liquid that a layer of slip w displaces."""
+        shape, parts = self.body.shape, self.parts
+        nearest = lambda w: slip_splines(shape, w)  # noqa: E731
+        slip, source = nearest(w), displaced_source(shape, parts)
+        across = (shape.r_basis[0] * (2 * jnp.pi * shape.weights * parts.curve.r)[:, None]).T @ shape.potential_basis[1]
+        # symmetric: what the slip drives, and what its reaction does
+        on_splines = (across @ self._flow(source @ slip) + source.T @ self._adjoint(across.T @ slip)) / 2
+        return jax.linear_transpose(nearest, w)(on_splines)[0]
 
     def solid(self, v: Coordinates) -> Coordinates:
         """Resistance of the wall."""

@@ -2,7 +2,7 @@
 
 Symbols    t time [sqrt(ρ_f R0³/(E d))]   V, S, H, W volume, area, height, width   P inner pressure
 Valid for  axial symmetry (real dimples lose it below d̂ ~ 0.05)
-Source     Mokbel et al. 2021, numerical method, with a potential flow and its Stokes layer for the liquid
+Source     Mokbel et al. 2021, numerical method, with a potential flow and its Stokes layer to second order for the liquid
 """
 
 import math
@@ -95,7 +95,7 @@ def simulate(
             displaced wall first slides along itself until its tangential forces vanish, as a massless wall must.
         elements, attached: As in `jshell.membrane.rest`.
         weak_spot: Thinner wall that decides where the dimple starts; `WeakSpot()` by default.
-        losses: What takes energy; by default the Stokes layer with its memory.
+        losses: What takes energy; by default the Stokes layer to second order, its first with its memory.
         shell_density: Density of the wall over the liquid's, ρ_s/ρ_f [-]; the source's shell has none.
         stokes_frequency: Short for `Losses("frequency", frequency=...)`: the layer at one frequency, cheaper.
         step: Longest time step; the samples' spacing is divided evenly.
@@ -294,6 +294,8 @@ def _trace(setup: Setup, last: Progress, samples: Sample, every, count, step, st
     numbers, times, shape = samples.channels, every * jnp.arange(count + 1), setup.shape
     settings = [("elements", str(shape.elements)), ("attached", repr(shape.attached)), ("step", repr(step))]
     settings += [("follow", str(bool(follow))), ("stokes", setup.losses.stokes)]
+    if setup.losses.stokes != "none":
+        settings.append(("order", str(setup.losses.order)))
     if not isinstance(numbers, Tracer):
         if throw:
             raise_unless_ok("simulation", last.outcome)

@@ -8,7 +8,8 @@ Because ∇²|∇φ|² = 2 e:e, the volume integral is one over the wall,
 v the normal velocity and u_s = ∂φ/∂s that of the liquid along the wall.
 
 Symbols    B resistance per viscosity [R0]   v, u_s velocities of the liquid at the wall   H, κ1 curvatures
-Valid for  η̂ << 1; the whole loss of a clean bubble, the second order of a wall with a Stokes layer
+Valid for  η̂ << 1 and a wall that slips freely: the whole loss of a clean bubble. On a wall that the liquid sticks to it
+           is one of four terms of its order, see `second_order`
 Source     Lamb, Hydrodynamics, arts. 329 and 348; a bubble's shapes decay with (n + 2)(2n + 1) η
 """
 

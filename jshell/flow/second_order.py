@@ -27,7 +27,7 @@ from jshell.contour import Curve, Meridian, speed
 from jshell.flow.added_mass import Flow, slip_operator
 from jshell.flow.bulk_loss import bulk_resistance
 from jshell.flow.panels import Layers
-from jshell.flow.wall_motion import across_wall_slope, column, curvatures, every_motion
+from jshell.flow.wall_motion import Columns, across_wall, across_wall_slope, column, curvatures, every_motion
 
 Matrix = Float[Array, "coordinates coordinates"]
 
@@ -41,31 +41,76 @@ class SecondOrder(NamedTuple):
     displaced: Matrix
 
 
-def second_order(shape: Meridian, current: Flow, slip: Float[Array, "points coordinates"] | None = None) -> SecondOrder:
-    """D of a shape by its parts; their sum times the viscosity is the resistance of second order.
+class AtWall(NamedTuple):
+    """What motions do at the wall, one column each: v and ∂v/∂s across it, u_s of the liquid along it, slip w."""
+
+    v: Columns
+    v_s: Columns
+    u_s: Columns
+    w: Columns
+
+
+def at_wall(shape: Meridian, current: Flow, slip: Columns) -> AtWall:
+    """Of every motion of the wall."""
+    curve, motion = current.parts.curve, every_motion(shape)
+    u_s = (shape.potential_basis[1] @ current.potential) / column(speed(curve))
+    return AtWall(across_wall(curve, motion), across_wall_slope(curve, motion), u_s, slip)
+
+
+def second_order(shape: Meridian, current: Flow) -> SecondOrder:
+    """D of a shape by its four parts; `second_resistance` is their sum at half the work.
 
     Args:
         shape, current: The wall and `flow` of it.
-        slip: `slip_operator(shape, current)`, where it is known already.
     """
-    W = slip_operator(shape, current) if slip is None else slip
+    wall = at_wall(shape, current, slip_operator(shape, current))
     curve = current.parts.curve
     bent = curvatures(curve)
     surface = column(2 * jnp.pi * shape.weights * curve.r * speed(curve))
-    u_s = (shape.potential_basis[1] @ current.potential) / column(speed(curve))
-    shear = across_wall_slope(curve, every_motion(shape)) - column(bent.meridian) * u_s
-
-    work = -2 * W.T @ (surface * shear)
-    curved = W.T @ (surface * column(bent.twice_mean / 2 + bent.meridian) * W)
-    source = displaced_source(shape, current.parts, slip_splines(shape, W))
-    driven = shape.potential_basis[1] @ -jsl.lu_solve(current.factors, source)
-    displaced = W.T @ (column(2 * jnp.pi * shape.weights * curve.r) * driven)
-    return SecondOrder(bulk_resistance(shape, current), work + work.T, curved, (displaced + displaced.T) / 2)
+    work = -2 * wall.w.T @ (surface * (wall.v_s - column(bent.meridian) * wall.u_s))
+    curved = wall.w.T @ (surface * column(bent.twice_mean / 2 + bent.meridian) * wall.w)
+    inverse = jsl.lu_solve(current.factors, jnp.eye(current.potential.shape[0]))
+    displaced = displacement(shape, current.parts, inverse, wall.w)
+    return SecondOrder(bulk_resistance(shape, current), work + work.T, curved, displaced)
 
 
-def second_resistance(shape: Meridian, current: Flow, slip: Float[Array, "points coordinates"] | None = None) -> Matrix:
-    """D of a shape [R0]: u·D u times the viscosity is the power of second order."""
-    return sum(second_order(shape, current, slip), start=jnp.zeros(()))
+def second_resistance(
+    shape: Meridian, current: Flow, slip: Columns | None = None, inverse: Float[Array, "nodes nodes"] | None = None
+) -> Matrix:
+    """D of a shape, symmetric [R0]: u·D u times the viscosity is the power of second order.
+
+    Args:
+        shape, current: The wall and `flow` of it.
+        slip, inverse: `slip_operator(shape, current)` and the inverse of 1/2 - D, where they are known already.
+    """
+    wall = at_wall(shape, current, slip_operator(shape, current) if slip is None else slip)
+    if inverse is None:
+        inverse = jsl.lu_solve(current.factors, jnp.eye(current.potential.shape[0]))
+    local = jnp.concatenate(wall).T @ jnp.concatenate(stresses(shape, current.parts.curve, wall))
+    return local + displacement(shape, current.parts, inverse, wall.w)
+
+
+def stresses(shape: Meridian, curve: Curve, wall: AtWall) -> AtWall:
+    """What works on v, v_s, u_s and w at each ring of the wall; their sum is u·D u but for the displaced liquid."""
+    bent = curvatures(curve)
+    surface = column(2 * jnp.pi * shape.weights * curve.r * speed(curve))
+    kappa1, twice_H = column(bent.meridian), column(bent.twice_mean)
+    shear = wall.v_s - kappa1 * wall.u_s
+    return AtWall(
+        2 * surface * twice_H * wall.v,
+        -2 * surface * (wall.u_s + wall.w),
+        2 * surface * (kappa1 * wall.w - shear),
+        surface * ((twice_H / 2 + kappa1) * wall.w - 2 * shear),
+    )
+
+
+def displacement(shape: Meridian, parts: Layers, inverse: Float[Array, "nodes nodes"], slip: Columns) -> Matrix:
+    """∮ div_S(w) N div_S(w) dA: the flow that a layer of slip w drives by displacing liquid."""
+    w, source = slip_splines(shape, slip), displaced_source(shape, parts)
+    ring = column(2 * jnp.pi * shape.weights * parts.curve.r)
+    # by parts: ∮ ∂φ/∂s w dA, φ the potential of the displaced liquid
+    one_way = -(shape.r_basis[0].T @ (ring * shape.potential_basis[1])) @ (inverse @ source)
+    return w.T @ ((one_way + one_way.T) / 2 @ w)
 
 
 def slip_splines(shape: Meridian, w: Float[Array, "points ..."]) -> Float[Array, "odd ..."]:
@@ -75,16 +120,9 @@ def slip_splines(shape: Meridian, w: Float[Array, "points ..."]) -> Float[Array,
     return jnp.linalg.solve(weighted @ basis, weighted @ w)
 
 
-def displaced_source(shape: Meridian, parts: Layers, w: Float[Array, "odd ..."]) -> Float[Array, "nodes ..."]:
-    """Single layer at the nodes of the flux div_S(w) that a layer of slip w displaces."""
-    near = shape.near
-
-    def flux(curve: Curve, value, slope):
-        # (r w)' per θ
-        lift = lambda row: row.reshape(row.shape + (1,) * (value.ndim - row.ndim))  # noqa: E731
-        return lift(curve.r1) * value + lift(curve.r) * slope
-
-    far = parts.far_source @ flux(parts.curve, shape.r_basis[0] @ w, shape.r_basis[1] @ w)
-    local = parts.near_curve
-    beside = flux(local, near.r_value @ w, near.r_slope @ w)
-    return far + jnp.einsum("ns,ns...->n...", parts.near_source, beside)
+def displaced_source(shape: Meridian, parts: Layers) -> Float[Array, "nodes odd"]:
+    """Single layer at the nodes of the flux (r w)' per θ that each spline of slip w displaces."""
+    curve, local, near = parts.curve, parts.near_curve, shape.near
+    far = (parts.far_source * curve.r1[None]) @ shape.r_basis[0] + (parts.far_source * curve.r[None]) @ shape.r_basis[1]
+    over = lambda kernel, basis: jnp.einsum("ns,nsk->nk", kernel, basis)  # noqa: E731
+    return far + over(parts.near_source * local.r1, near.r_value) + over(parts.near_source * local.r, near.r_slope)

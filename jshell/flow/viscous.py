@@ -167,16 +167,19 @@ def yukawa(
     half_ring = jnp.arcsin(jnp.minimum(jnp.sqrt(2 * rho * fading + fading**2) / c, 1.0))
     end = jnp.arcsinh(half_ring * c / rho)
     gauss, gauss_weights = np.polynomial.legendre.leggauss(AZIMUTH)
-    tau = jnp.asarray((gauss + 1) / 2)[:, None, None] * end
-    half_angle = rho / c * jnp.sinh(tau)
-    steps = jnp.asarray(gauss_weights)[:, None, None] * (end * rho / c) * jnp.cosh(tau)
 
-    sine = jnp.sin(half_angle) ** 2
-    squared = to.shortest + across * sine
-    R = jnp.sqrt(squared)
-    field = steps * (1 - 2 * sine) / (2 * jnp.pi * R) * jnp.exp(-decay * R)
-    turned = (to.bend * to.shortest + 2 * to.r0 * to.x1 * sine) / squared
-    return jnp.sum(field, axis=0), to.r * jnp.sum((1 + decay * R) * field * turned, axis=0)
+    def at(place, weight):
+        half_angle = rho / c * jnp.sinh(place * end)
+        step = weight * end * rho / c * jnp.cosh(place * end)
+        sine = jnp.sin(half_angle) ** 2
+        squared = to.shortest + across * sine
+        R = jnp.sqrt(squared)
+        source = step * (1 - 2 * sine) / (2 * jnp.pi * R) * jnp.exp(-decay * R)
+        turned = (to.bend * to.shortest + 2 * to.r0 * to.x1 * sine) / squared
+        return source, (1 + decay * R) * source * turned
+
+    source, dipole = jax.vmap(at)(jnp.asarray((gauss + 1) / 2), jnp.asarray(gauss_weights))
+    return jnp.sum(source, axis=0), to.r * jnp.sum(dipole, axis=0)
 
 
 class ViscousLiquid(NamedTuple):

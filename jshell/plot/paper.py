@@ -171,10 +171,10 @@ def damping(material: Material) -> Figure:
 def trends(material: Material) -> Figure:
     """sec:simulresul: thick liquids stop the ringing, the area hardly changes."""
     runs, results = material.runs, list(material.campaign)
-    rows = np.flatnonzero(runs.within("viscosity-bulk"))
+    rows = np.flatnonzero(runs.within("viscosity-kick"))
     if rows.size == 0:
         raise BadValue(
-            "campaign", found="no family viscosity-bulk", expected="kicks in liquids of several viscosities",
+            "campaign", found="no family viscosity-kick", expected="kicks in liquids of several viscosities",
             remedy="Run the shipped design to its end.",
         )  # fmt: skip
     nearest = {int(rows[np.argmin(np.abs(np.log(runs.viscosity[rows] / eta)))]) for eta in LIQUIDS}

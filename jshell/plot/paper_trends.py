@@ -38,7 +38,7 @@ def trends(runs: ShellRuns, kicks: Mapping[int, Trace]) -> Figure:
         left.set_xlim(0.0, SHOWN)
         left.set_xlabel("time after the kick's height t [√(ρ R₀³/E d)]")
         left.set_ylabel("(V − V$_e$)/(V$_t$ − V$_e$)")
-        left.set_title(r"$\bf{(a)}$  a kick, Stokes layer and bulk loss", loc="left")
+        left.set_title(r"$\bf{(a)}$  a small kick", loc="left")
         left.legend(loc="upper right")
 
         right.axhspan(1 - NEAR, 1 + NEAR, color=GREY, alpha=0.15, linewidth=0, label="within 6 %")

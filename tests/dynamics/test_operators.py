@@ -18,9 +18,9 @@ ELEMENTS, STEP, RADIUS = 16, 1 / 60, 0.5
 @pytest.fixture(scope="module")
 def moving(R):
     """A body with every loss, a shape, and two velocities."""
-    found = modes(R, elements=ELEMENTS)
+    found = modes(R, elements=ELEMENTS, liquid="layer")
     rest = found.rest
-    losses = Losses(bulk=True, wall=WallLoss(0.01, 0.02, 0.003))
+    losses = Losses(wall=WallLoss(0.01, 0.02, 0.003))
     setup = Setup(rest.meridian, rest.profile, None, R, losses, jnp.asarray(0.1), "current")
     body = body_of(setup, rest.meridian)
     return body, rest.coordinates, kick(found, 0.02, (1, 2, 3)), kick(found, 0.02, (2, 4))
@@ -39,14 +39,14 @@ def both(moving):
         "slip transposed": (matrices.W.T @ f, actions.on_wall(actions.slip_transposed(f))),
         "turning": (matrices.T @ v, actions.on_wall(actions.turning(v))),
         "turning transposed": (matrices.T.T @ v, actions.turning_transposed(v)),
-        "bulk": (matrices.B @ v, actions.on_wall(actions.bulk(v, y))),
+        "second order": (matrices.B @ v, actions.on_wall(actions.bulk(v, y))),
         "wall": (matrices.C @ v, actions.solid(v)),
         "thrust": (matrices.thrust, actions.thrust),
     }
 
 
 @pytest.mark.parametrize(
-    "name", ["mass", "slip", "slip transposed", "turning", "turning transposed", "bulk", "wall", "thrust"]
+    "name", ["mass", "slip", "slip transposed", "turning", "turning transposed", "second order", "wall", "thrust"]
 )
 def test_actions_are_the_matrices(both, name):
     by_matrix, by_action = both[name]
