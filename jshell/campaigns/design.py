@@ -20,7 +20,7 @@ from jshell.shell.sphere import buckling_load
 RULES = ("one", "grid", "latin")
 LOADS = ("Pext_hat", "excess", "load")  # three ways to say the outer pressure
 DIGITS = 6  # of a computed outer pressure, so that its last bits do not rename the run
-Setting = float | int | bool
+Setting = float | int | bool | str
 
 
 @dataclass(frozen=True)

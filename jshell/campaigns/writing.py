@@ -18,6 +18,7 @@ from dataclasses import fields
 from pathlib import Path
 
 from jshell.campaigns.design import Design, Family
+from jshell.campaigns.planned import FIELDS
 from jshell.errors import BadFile, JshellError
 
 KNOWN = tuple(field.name for field in fields(Family))
@@ -63,8 +64,10 @@ def _family(path: Path, number: int, row: dict) -> Family:
         )
     for name, values in (*row.get("base", {}).items(), *row.get("vary", {}).items()):
         for value in values if isinstance(values, list) else [values]:
-            if not isinstance(value, float | int):
-                raise BadFile(f"{place}, {name}", found=repr(value), expected="a number", remedy="Write 0.22.")
+            word = name in FIELDS and isinstance(FIELDS[name].default, str)
+            if not isinstance(value, str if word else float | int):
+                expected, remedy = ("a word", 'Write "exact".') if word else ("a number", "Write 0.22.")
+                raise BadFile(f"{place}, {name}", found=repr(value), expected=expected, remedy=remedy)
     vary = {name: tuple(values) for name, values in row.get("vary", {}).items()}
     try:
         return Family(**{**row, "vary": vary, "log": tuple(row.get("log", ()))})

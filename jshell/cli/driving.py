@@ -145,7 +145,8 @@ def losses(
 
     Raises:
         BadName: No such Stokes layer.
-        BadValue: A frequency without its layer, the layer without its frequency, bulk loss beside a layer, no such order.
+        BadValue: A frequency without its layer, the layer without its frequency, no such order, or bulk loss beside
+            a layer.
     """
     chosen = stokes if stokes is not None else ("memory" if frequency is None else "frequency")
     if chosen not in STOKES:

@@ -80,8 +80,8 @@ class Losses(eqx.Module):
                 "bulk",
                 found=f"bulk loss beside the Stokes layer, stokes={self.stokes!r}",
                 expected="bulk loss on a wall that slips freely",
-                remedy="Where the liquid sticks, 2η e:e is one of four terms of its order and alone takes τ a quarter too "
-                "far: leave it out, order=2 has all four. For a clean bubble pass stokes='none'.",
+                remedy="Where the liquid sticks, 2η e:e is one of four terms of its order, and alone takes τ a quarter "
+                "too far: leave it out, order=2 has all four. For a clean bubble pass stokes='none'.",
             )
         if self.drag is not None and not isinstance(getattr(self.drag, "rate", None), Callable):
             raise BadValue(

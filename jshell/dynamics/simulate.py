@@ -2,7 +2,7 @@
 
 Symbols    t time [sqrt(ρ_f R0³/(E d))]   V, S, H, W volume, area, height, width   P inner pressure
 Valid for  axial symmetry (real dimples lose it below d̂ ~ 0.05)
-Source     Mokbel et al. 2021, numerical method, with a potential flow and its Stokes layer to second order for the liquid
+Source     Mokbel et al. 2021, numerical method; the liquid is a potential flow and its Stokes layer to second order
 """
 
 import math
