@@ -37,6 +37,7 @@ from jshell.membrane.energy import Area
 from jshell.shell.elasticity import Scalar
 from jshell.shell.parameters import Reduced
 
+UNRESOLVED_BENDING = 1 / 6  # of ∮ h⁴ |u''|²: a motion with as much of it as of ∮ |u|² counts as half resolved
 SLIDING_INERTIA = 1e-4  # ε: 2e-6 of the liquid's inertia for mode 3, 5e-3 for the finest sliding, on 24 elements
 
 
@@ -96,6 +97,23 @@ def solid_mass(
         for basis in (shape.x_basis, shape.r_basis)
     ]
     return jsl.block_diag(*blocks)
+
+
+def resolved_motions(shape: Meridian) -> Float[Array, "coordinates coordinates"]:
+    """What of a motion the mesh resolves: 1/(1 + (h k/π)⁸ · 260) of a wave number k, h the element's length.
+
+    A wave of twelve elements keeps 1 - 1e-4 of itself, one of two elements 1/260.
+    """
+    moves = jnp.zeros_like(shape.sphere).at[shape.active].set(1.0)
+    lengths = jnp.repeat(jnp.diff(shape.nodes), shape.angles.size // shape.elements)
+
+    def blocks(order, weights):
+        parts = [(basis[order].T * weights[None]) @ basis[order] for basis in (shape.x_basis, shape.r_basis)]
+        return jsl.block_diag(*parts) * moves[:, None] * moves[None]
+
+    gram = blocks(0, shape.weights) + jnp.diag(1 - moves)
+    bends = UNRESOLVED_BENDING * blocks(2, shape.weights * lengths**4)
+    return jnp.linalg.solve(gram + bends @ jnp.linalg.solve(gram, bends), gram)
 
 
 def at_pressure(conditions: Reduced, pressure: Scalar) -> Reduced:
@@ -256,10 +274,10 @@ def _advance_derivative(primals, tangents):
         y = now.potential(u)
         momentum, turned = now.mass(u, y), now.turning(correction)
         w, surface = now.slip(u, y), now.surface
-        bulk, wall = now.bulk(u, y), now.solid(u)
-        losses = now.slip_transposed(surface * (at.grip * w - at.pull)).plus(bulk).plus(momentum, now.drag)
+        bulk, wall = now.bulk(u), now.solid(u)
+        losses = now.slip_transposed(surface * (at.grip * w - at.pull)).plus(momentum, now.drag)
         p = now.on_wall(momentum.plus(turned, at.new))
-        left = at.push - p - at.new * (now.on_wall(losses) + wall)
+        left = at.push - p - at.new * (now.on_wall(losses) + bulk + wall)
         left = left + at.new * (now.thrust - force(at.q) + now.turning_transposed(correction))
         left = left - at.new**2 * jax.jvp(force, (at.q,), (correction,))[1]
 
@@ -267,7 +285,7 @@ def _advance_derivative(primals, tangents):
         ones = body.shape.active
         change = jnp.zeros_like(u).at[ones].set(jsl.lu_solve(factors, left[ones]))
         p = p + matrices.M @ change + at.new * (matrices.T @ change)
-        in_bulk = u @ bulk.direct + y @ bulk.potential + 2 * u @ matrices.B @ change
+        in_bulk = u @ bulk + 2 * u @ matrices.B @ change
         in_drag = now.drag * (u @ momentum.direct + y @ momentum.potential + 2 * u @ matrices.M @ change)
         in_wall = u @ wall + 2 * u @ matrices.C @ change
         found = _Found(u + change, p, w + matrices.W @ change, surface, in_bulk, in_wall, in_drag)

@@ -13,14 +13,13 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-import jax.scipy.linalg as jsl
 from jaxtyping import Array, Float
 
 from jshell.contour import Meridian, poles, speed
 from jshell.dynamics.losses import Losses, drag_rate
 from jshell.flow import bulk_resistance, flow, second_resistance, slip_operator, turning
 from jshell.flow.panels import Layers, flux_of, flux_operator, green_of, layers, single_layer_of
-from jshell.flow.second_order import AtWall, displaced_source, slip_splines, stresses
+from jshell.flow.second_order import AtWall, displaced_source, inverse_of, slip_splines, stresses
 from jshell.flow.turning import turned
 from jshell.flow.wall_motion import across_wall, across_wall_slope, along_wall, column, every_motion, one_motion
 from jshell.membrane import Wall, wall_resistance
@@ -35,7 +34,8 @@ Points = Float[Array, "points"]
 
 
 class Body(NamedTuple):
-    """All that does not change within a step: discretisation, wall, conditions, layer, losses, the wall's own mass."""
+    """All that does not change within a step: discretisation, wall, conditions, layer, losses, the wall's own mass, and
+    what of a motion the mesh resolves."""
 
     shape: Meridian
     wall: Wall
@@ -43,6 +43,7 @@ class Body(NamedTuple):
     layer: HalfDerivative
     losses: Losses
     solid: Matrix
+    resolved: Matrix
 
 
 class Dense(NamedTuple):
@@ -68,10 +69,11 @@ def dense(body: Body, q: Coordinates, u: Coordinates) -> Dense:
     curve = current.parts.curve
     surface = 2 * jnp.pi * shape.weights * curve.r * speed(curve)
     M = current.mass + body.layer.mass * ((W.T * surface[None]) @ W) + body.solid
-    inverse = jsl.lu_solve(current.factors, jnp.eye(current.potential.shape[0]))
+    inverse = inverse_of(current)
     none, viscosity = jnp.zeros_like(M), jnp.asarray(body.conditions.viscosity)
     if body.losses.second:
-        B = viscosity * second_resistance(shape, current, W, inverse)
+        # what the mesh does not resolve would get a second order of the wrong sign
+        B = viscosity * body.resolved.T @ second_resistance(shape, current, W, inverse) @ body.resolved
     else:
         B = viscosity * bulk_resistance(shape, current) if body.losses.bulk else none
     viscous = body.losses.wall
@@ -195,22 +197,25 @@ class Free(NamedTuple):
         """(∂(M u)/∂q)ᵀ c."""
         return jax.linear_transpose(self.turning, c)(Through(c, self.potential(c)))[0]
 
-    def bulk(self, v: Coordinates, y: Float[Array, "nodes"]) -> Through:
+    def bulk(self, v: Coordinates) -> Coordinates:
         """What the liquid takes beside the layer's first order: its second, or the loss of a slipping wall's flow."""
         if not (self.body.losses.second or self.body.losses.bulk):
-            return Through(jnp.zeros_like(v), jnp.zeros_like(y))
+            return jnp.zeros_like(v)
         shape, curve, ds = self.body.shape, self.parts.curve, speed(self.parts.curve)
-        slope = shape.potential_basis[1]
+        second, slope = self.body.losses.second, shape.potential_basis[1]
+        v = self.body.resolved @ v if second else v
+        y = self.potential(v)
         one, u_s = one_motion(shape, v), slope @ y / ds
-        w = self.slip(v, y) if self.body.losses.second else jnp.zeros_like(u_s)
+        w = self.slip(v, y) if second else jnp.zeros_like(u_s)
         wall = AtWall(across_wall(curve, one), across_wall_slope(curve, one), column(u_s), column(w))
         on = AtWall(*(part[:, 0] for part in stresses(shape, curve, wall)))
         each = every_motion(shape)
         direct = across_wall(curve, each).T @ on.v + across_wall_slope(curve, each).T @ on.v_s
         force = Through(direct, slope.T @ (on.u_s / ds))
-        if self.body.losses.second:
+        if second:
             force = force.plus(self.slip_transposed(on.w + self._displaced(w)))
-        return Through(jnp.zeros_like(v), jnp.zeros_like(y)).plus(force, jnp.asarray(self.body.conditions.viscosity))
+        pulled = jnp.asarray(self.body.conditions.viscosity) * self.on_wall(force)
+        return self.body.resolved.T @ pulled if second else pulled
 
     def _displaced(self, w: Points) -> Points:
         """Force on the slip by the liquid that a layer of slip w displaces."""

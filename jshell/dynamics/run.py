@@ -34,7 +34,7 @@ from jshell.contour import (
 )
 from jshell.contour.splines import ParitySplines
 from jshell.dynamics.losses import Losses, layer
-from jshell.dynamics.motion import Body, Loads, State, advance, launch, restart, solid_mass, velocity
+from jshell.dynamics.motion import Body, Loads, State, advance, launch, resolved_motions, restart, solid_mass, velocity
 from jshell.dynamics.protocol import Pressure
 from jshell.errors import Outcome
 from jshell.membrane import elastic_energy, gas_energy, wall
@@ -117,7 +117,9 @@ def body_of(setup: Setup, shape: Meridian) -> Body:
     else:
         profile = jnp.interp(shape.angles, s.shape.angles, s.profile)
     solid = solid_mass(shape, profile, c.thickness, s.shell_density)
-    return Body(shape, wall(shape, c, profile), c, layer(s.losses, c.viscosity), s.losses, solid)
+    return Body(
+        shape, wall(shape, c, profile), c, layer(s.losses, c.viscosity), s.losses, solid, resolved_motions(shape)
+    )
 
 
 @eqx.filter_jit

@@ -25,6 +25,7 @@ from jshell.dynamics.losses import Losses
 from jshell.dynamics.protocol import Forced, Hold, Pressure, Ramp, Sampled
 from jshell.dynamics.run import CHANNELS, Pace, Progress, Sample, Setup, begin, body_of, go_on
 from jshell.dynamics.starts import relax
+from jshell.dynamics.validity import TOLERATED, series_error, warn_of_thick_layer
 from jshell.errors import BadShape, BadValue, Outcome
 from jshell.membrane import RestShape
 from jshell.membrane.energy import Area, check_area
@@ -113,6 +114,8 @@ def simulate(
         loss_wall, loss_drag. kinetic + elastic + gas + losses - work stays constant. Its outcome is ok, contact
         or mesh. A run that ended early holds its samples up to the event (under `jit`: repeats the last good
         sample to the end, without derivative). Its settings say when a dimple formed, returned, became steady.
+        Where the layer is so thick that its series is off by more than 5 % in τ, a `RangeWarning` says so and gives
+        the exact modes of the rest shape beside it; the settings keep both.
 
     Raises:
         BadValue, BadShape: Options that do not fit together or are outside their meaning.
@@ -232,6 +235,11 @@ def _run(
         state, samples = _in_chunks(setup, began, protocol, count, pace, checkpoint, progress)
     samples = jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), opening, samples)
     trace = _trace(setup, state, samples, every, count, every / pace.inner, steady, follow, throw)
+    if setup.losses.second and not isinstance(trace["V"], Tracer):
+        error = series_error(trace)
+        if error > TOLERATED:
+            beside = warn_of_thick_layer(error, conditions, start, shape.elements, shape.attached, spot, area)
+            trace = replace(trace, settings=(*trace.settings, *beside))
     return trace, samples, setup
 
 

@@ -69,8 +69,7 @@ def second_order(shape: Meridian, current: Flow) -> SecondOrder:
     surface = column(2 * jnp.pi * shape.weights * curve.r * speed(curve))
     work = -2 * wall.w.T @ (surface * (wall.v_s - column(bent.meridian) * wall.u_s))
     curved = wall.w.T @ (surface * column(bent.twice_mean / 2 + bent.meridian) * wall.w)
-    inverse = jsl.lu_solve(current.factors, jnp.eye(current.potential.shape[0]))
-    displaced = displacement(shape, current.parts, inverse, wall.w)
+    displaced = displacement(shape, current.parts, inverse_of(current), wall.w)
     return SecondOrder(bulk_resistance(shape, current), work + work.T, curved, displaced)
 
 
@@ -84,10 +83,14 @@ def second_resistance(
         slip, inverse: `slip_operator(shape, current)` and the inverse of 1/2 - D, where they are known already.
     """
     wall = at_wall(shape, current, slip_operator(shape, current) if slip is None else slip)
-    if inverse is None:
-        inverse = jsl.lu_solve(current.factors, jnp.eye(current.potential.shape[0]))
+    known = inverse_of(current) if inverse is None else inverse
     local = jnp.concatenate(wall).T @ jnp.concatenate(stresses(shape, current.parts.curve, wall))
-    return local + displacement(shape, current.parts, inverse, wall.w)
+    return local + displacement(shape, current.parts, known, wall.w)
+
+
+def inverse_of(current: Flow) -> Float[Array, "nodes nodes"]:
+    """The inverse of 1/2 - D."""
+    return jsl.lu_solve(current.factors, jnp.eye(current.potential.shape[0]))
 
 
 def stresses(shape: Meridian, curve: Curve, wall: AtWall) -> AtWall:
@@ -117,7 +120,7 @@ def slip_splines(shape: Meridian, w: Float[Array, "points ..."]) -> Float[Array,
     """Coefficients of the odd splines nearest to a slip at the Gauss points."""
     basis = shape.r_basis[0]
     weighted = basis.T * shape.weights[None]
-    return jnp.linalg.solve(weighted @ basis, weighted @ w)
+    return jnp.linalg.solve(weighted @ basis, weighted) @ w  # the first factor belongs to the mesh, not to the step
 
 
 def displaced_source(shape: Meridian, parts: Layers) -> Float[Array, "nodes odd"]:

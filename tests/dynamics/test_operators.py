@@ -39,7 +39,7 @@ def both(moving):
         "slip transposed": (matrices.W.T @ f, actions.on_wall(actions.slip_transposed(f))),
         "turning": (matrices.T @ v, actions.on_wall(actions.turning(v))),
         "turning transposed": (matrices.T.T @ v, actions.turning_transposed(v)),
-        "second order": (matrices.B @ v, actions.on_wall(actions.bulk(v, y))),
+        "second order": (matrices.B @ v, actions.bulk(v)),
         "wall": (matrices.C @ v, actions.solid(v)),
         "thrust": (matrices.thrust, actions.thrust),
     }
