@@ -218,9 +218,9 @@ def losses() -> None:
     R = js.presets.R.conditions
     case = js.Reduced(R.thickness, R.gas_pressure, 1.62, R.viscosity)
     settings = (
-        ("Stokes layer", Losses()),
-        ("Stokes layer and bulk", Losses(bulk=True)),
-        ("Stokes layer and the source's drag", Losses(drag=Reynolds())),
+        ("liquid to second order", Losses()),
+        ("Stokes layer alone", Losses(order=1)),
+        ("second order and the source's drag", Losses(drag=Reynolds())),
         ("the source's drag alone", Losses(stokes="none", drag=Reynolds())),
     )
     head("losses of R", "shell", "ω₋, ω₊", "τ", "left by one, two, three [%]", "A₊/A₋ of V", "H", "W")

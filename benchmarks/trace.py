@@ -38,7 +38,7 @@ def seconds(job: Callable[[], object]) -> tuple[float, float]:
 
 
 def mode_table() -> None:
-    """Rest shape and two Stokes-layer modes, with their error against 64 elements."""
+    """Rest shape and two modes in a viscous liquid, with their error against 64 elements."""
     exact = js.dynamics.modes(R, elements=64, count=2).omega
     print("| rest shape and two modes of R, elements | error of omega | first call [s] | warm [s] |")
     print("|---|---|---|---|")

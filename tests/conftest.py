@@ -78,6 +78,12 @@ def cases() -> list[dict]:
 
 
 @pytest.fixture(scope="session")
+def viscous() -> dict:
+    """Small vibrations in a viscous liquid by another code, at several viscosities."""
+    return json.loads((REFERENCE / "viscous.json").read_text())
+
+
+@pytest.fixture(scope="session")
 def mesh():
     """The meridian that most tests use."""
     return meridian(ELEMENTS)
@@ -90,7 +96,14 @@ def rest_R(R):
 
 @pytest.fixture(scope="session")
 def modes_R(R):
+    """In the exact liquid."""
     return dynamics.modes(R, elements=ELEMENTS)
+
+
+@pytest.fixture(scope="session")
+def layered_R(R):
+    """In a Stokes layer of first order."""
+    return dynamics.modes(R, elements=ELEMENTS, liquid="layer")
 
 
 @pytest.fixture(scope="session")
@@ -145,16 +158,17 @@ def family(cases) -> Family:
     for name in VARIED:
         for sign in (1, -1):
             rows.append([value * (1 + sign * H * (key == name)) for key, value in AT_R.items()])
-    many = eqx.filter_jit(eqx.filter_vmap(lambda conditions: dynamics.modes(conditions, elements=ELEMENTS)))
+    batch = lambda conditions: dynamics.modes(conditions, elements=ELEMENTS, liquid="layer")  # noqa: E731
+    many = eqx.filter_jit(eqx.filter_vmap(batch))
     return Family(many(problem(*np.array(rows).T)), slice(0, 4), 4, 5)
 
 
 @pytest.fixture(scope="session")
 def slopes(R) -> dict[str, Reduced]:
-    """Forward derivatives at R of volume, first frequency and first decay time by the conditions."""
+    """Forward derivatives at R of volume, first frequency and first decay time in a Stokes layer by the conditions."""
 
     def numbers(conditions):
-        found = dynamics.modes(conditions, elements=ELEMENTS)
+        found = dynamics.modes(conditions, elements=ELEMENTS, liquid="layer")
         return {"volume": found.rest.volume, "omega": found.omega[0], "tau": found.tau[0]}
 
     return jax.jit(jax.jacfwd(numbers))(R)

@@ -67,7 +67,7 @@ class Family:
                 expected = "one of " + ", ".join(sorted(known))
                 raise BadName(f"{place}, {name}", found="no such parameter", expected=expected, remedy="Check it.")
         for name, values in self.vary.items():
-            if len(values) == 0 or (self.rule == "latin" and not (len(values) == 2 and values[0] < values[1])):
+            if len(values) == 0 or (self.rule == "latin" and not (len(values) == 2 and _rises(*values))):
                 expected = "its lowest and highest value" if self.rule == "latin" else "at least one value"
                 raise BadValue(f"{place}, {name}", found=repr(list(values)), expected=expected, remedy="Correct it.")
         if self.rule == "latin" and (self.samples < 1 or not self.vary):
@@ -136,6 +136,11 @@ class Family:
             shell = (facts["d_hat"], facts["P0_hat"], facts.get("kappa", 1.4), facts.get("nu", 0.5))
             value = round(float(value) * _classical_load(*(float(fact) for fact in shell)), DIGITS)
         return Run(kind=self.kind, Pext_hat=value, **facts)  # type: ignore[arg-type]
+
+
+def _rises(low: Setting, high: Setting) -> bool:
+    """Whether a range is one of numbers that rise."""
+    return not isinstance(low, str) and not isinstance(high, str) and low < high
 
 
 @lru_cache(maxsize=4096)

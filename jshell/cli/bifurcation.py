@@ -6,29 +6,30 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from jshell.cli.constants import with_constants
+from jshell.cli import decay as decays
+from jshell.cli.constants import Damped, with_damping
 from jshell.cli.destinations import Picture, drawable
 from jshell.cli.output import Json, finish, log, say, speaking, table
 from jshell.cli.problem import Problem, with_conditions
 from jshell.errors import BadValue, Outcome
-from jshell.oscillator import Coefficients, Drag, frequencies
+from jshell.oscillator import Drag, frequencies
 from jshell.oscillator import bifurcation as diagram
 from jshell.shell import SPHERE_VOLUME
 
 
 @speaking
 @with_conditions
-@with_constants
+@with_damping
 def bifurcation(
     problem: Problem,
-    constants: Coefficients,
+    damped: Damped,
     highest: Annotated[float, typer.Option(help="Largest amplitude / (E d/R0).")],
     lowest: Annotated[float, typer.Option(help="Least amplitude / (E d/R0).")] = 0.001,
     lanes: Annotated[int, typer.Option(help="How many amplitudes.")] = 400,
     pulsation: Annotated[float | None, typer.Option(help="Of the tone; default the slow mode's.")] = None,
     periods: Annotated[int, typer.Option(help="Of the tone, for each amplitude.")] = 200,
     keep: Annotated[int, typer.Option(help="Periods looked at, at the end.")] = 50,
-    tau: Annotated[float | None, typer.Option(help="Decay time of both modes instead of the viscous law.")] = None,
+    tau: decays.Tau = None,
     plot: Picture = None,
     as_json: Json = False,
 ) -> None:
@@ -41,13 +42,12 @@ def bifurcation(
             expected="0 < lowest < highest, and 2 amplitudes or more",
             remedy="Check them.",
         )
-    if tau is None:
-        problem.needs_viscosity()
+    constants, law, decay = decays.decay(problem, damped, tau)
     if pulsation is None:
         linear = frequencies(problem.conditions, constants)
         finish(Outcome(int(linear.outcome)))
         pulsation = float(linear.omega_minus)
-    drag = Drag() if tau is None else Drag("equal_decay", tau=tau)
+    drag = Drag(law, tau)
     amplitudes = np.linspace(lowest, highest, lanes)
     log(f"{lanes} amplitudes, {periods} periods each, pulsation {pulsation:g}")
     found = diagram(problem.conditions, constants, amplitudes, pulsation, periods=periods, keep=keep, drag=drag)
@@ -64,10 +64,11 @@ def bifurcation(
             "period": found.period,
             "volume_over_V0": np.asarray(found.volume).T / SPHERE_VOLUME,
         }
-        say({"pulsation": pulsation, "lanes": rows, "first_ended": first, "plot": None if plot is None else str(plot),
-             "conditions": problem.record()})  # fmt: skip
+        say({"pulsation": pulsation, "lanes": rows, "first_ended": first, "decay": decay.record(),
+             "plot": None if plot is None else str(plot), "conditions": problem.record()})  # fmt: skip
     else:
         words = {0: "does not repeat within 8 periods", 1: "repeats every period"}
         shown = [(words.get(p, f"repeats every {p} periods"), n) for p, n in counts.items() if n]
         shown += [("leaves the buckled state", int(ended.sum())), ("first amplitude that does", first)]
         typer.echo(table(shown, ("the answer", "amplitudes")))
+        typer.echo(decays.line(decay))

@@ -7,27 +7,28 @@ import numpy as np
 import typer
 
 from jshell import io
-from jshell.cli.constants import with_constants
+from jshell.cli import decay as decays
+from jshell.cli.constants import Damped, with_damping
 from jshell.cli.destinations import OutFile, Picture, drawable, traceable
 from jshell.cli.output import Json, finish, log, say, speaking, table
 from jshell.cli.problem import Problem, with_conditions
 from jshell.errors import BadValue
-from jshell.oscillator import Coefficients, Drag, Swing, follow
+from jshell.oscillator import Drag, Swing, follow
 from jshell.trace import Trace
 
 
 @speaking
 @with_conditions
-@with_constants
+@with_damping
 def cycle(
     problem: Problem,
-    constants: Coefficients,
+    damped: Damped,
     low: Annotated[float, typer.Option(help="Least outer pressure / (E d/R0).")],
     high: Annotated[float, typer.Option(help="Largest outer pressure / (E d/R0).")],
     period: Annotated[float, typer.Option(help="Length of one cycle.")] = 400.0,
     cycles: Annotated[int, typer.Option(help="How many.")] = 2,
     samples: Annotated[int, typer.Option(help="A cycle.")] = 1000,
-    tau: Annotated[float | None, typer.Option(help="Decay time of both modes instead of the viscous law.")] = None,
+    tau: decays.Tau = None,
     out: OutFile = None,
     plot: Picture = None,
     as_json: Json = False,
@@ -42,17 +43,17 @@ def cycle(
             expected="0 < low < high, at least one cycle and two samples",
             remedy="Check them.",
         )
-    if tau is None:
-        problem.needs_viscosity()
+    constants, law, decay = decays.decay(problem, damped, tau)
     rest = float(problem.conditions.outer_pressure)
-    drag = Drag() if tau is None else Drag("equal_decay", tau=tau)
+    drag = Drag(law, tau)
     times = np.linspace(0.0, cycles * period, cycles * samples + 1)
     log(f"following {cycles} cycles of {period:g} time units")
     swing = Swing(low - rest, high - rest, period)
     found = follow(problem.conditions, constants, swing, times=times, drag=drag)
     if out is not None:
         t = found.trace
-        io.write_trace(out, Trace(t.times, t.channels, t.conditions, outcome=int(found.outcome), settings=t.settings,
+        settings = (*t.settings, *decays.written(decay))
+        io.write_trace(out, Trace(t.times, t.channels, t.conditions, outcome=int(found.outcome), settings=settings,
                                   scales=problem.scales))  # fmt: skip
     if plot is not None:
         axes = importlib.import_module("jshell.plot.response").hysteresis(found)
@@ -61,8 +62,8 @@ def cycle(
     if as_json:
         files = {"out": None if out is None else str(out), "plot": None if plot is None else str(plot)}
         switches = [switch._asdict() for switch in found.switches]
-        say({"outcome": found.outcome, "thresholds": found.thresholds._asdict(), "switches": switches, "steps": steps,
-             **files, "conditions": problem.record()})  # fmt: skip
+        say({"outcome": found.outcome, "thresholds": found.thresholds._asdict(), "switches": switches,
+             "decay": decay.record(), "steps": steps, **files, "conditions": problem.record()})  # fmt: skip
     else:
         at = found.thresholds
         rows = [("slow load", "buckles", at.buckling_pressure, at.buckling_volume / np.pi * 0.75)]
@@ -71,4 +72,5 @@ def cycle(
             word = "buckles" if s.buckles else "unbuckles"
             rows.append((f"{s.time:.5g}", word, s.outer_pressure, s.volume / np.pi * 0.75))
         typer.echo(table(rows, ("time", "the shell", "at P̂ext", "V/V0")))
+        typer.echo(decays.line(decay))
     finish(found.outcome)

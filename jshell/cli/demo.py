@@ -81,7 +81,7 @@ def demo(
         joint = calibration.fit_frequencies(rows)
     show(joint_rows(joint), as_json)
     note(
-        f"  selection: {len(SHELLS)} free shells, d̂ 0.10–0.22, P̂0 0.4–1.5, Stokes-layer modes 1 and 2 (|s|), "
+        f"  selection: {len(SHELLS)} free shells, d̂ 0.10–0.22, P̂0 0.4–1.5, modes 1 and 2 (|s|, layer to second order), "
         "V_e and P_e of the computed rest shape\n  weighting: residuals in V_e ω, unweighted; the source fitted "
         "other shells, large oscillations and a flow with box effects",
         as_json,
@@ -160,8 +160,8 @@ def rest_rows(rest, undamped, damped, attached) -> list[tuple]:
         for k, value in enumerate(SOURCE_ROWS["undamped"])
     ]
     for k, (sign, key) in enumerate((("−", "omega_minus"), ("+", "omega_plus"))):
-        rows.append((f"ω{sign}, Stokes layer", damped.omega[k], SOURCE_ROWS["simulation"][key], paper))
-        rows.append(("τ of it, Stokes layer", damped.tau[k], None, "not published per mode"))
+        rows.append((f"ω{sign}, viscous liquid", damped.omega[k], SOURCE_ROWS["simulation"][key], paper))
+        rows.append(("τ of it", damped.tau[k], None, "not published per mode"))
     for k, (sign, key) in enumerate((("−", "omega_minus"), ("+", "omega_plus"))):
         rows.append(
             (
@@ -199,14 +199,14 @@ def joint_rows(joint: calibration.FitResult) -> list[tuple]:
 
 
 def frequency_table(elements: int) -> dict[str, np.ndarray]:
-    """Stokes-layer modes of `SHELLS`, one row each; shells without a buckled state would stop the demo."""
+    """Modes of `SHELLS`, one row each, the liquid to second order; a shell without a buckled state stops it."""
     kappa = presets.R.conditions.kappa
     d, P0 = (jnp.asarray(column) for column in zip(*SHELLS, strict=True))
     load = P0 * VOLUME_RATIO ** (-kappa) + plateau_pressure(d)
     viscosity = presets.R.conditions.viscosity
 
     def one(d, P0, load):
-        return dynamics.modes(Reduced(d, P0, load, viscosity), elements=elements, count=2)
+        return dynamics.modes(Reduced(d, P0, load, viscosity), elements=elements, count=2, liquid="second")
 
     found = jax.vmap(one)(d, P0, load)
     worst = Outcome(int(np.max(np.asarray(found.outcome))))

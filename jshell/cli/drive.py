@@ -8,13 +8,14 @@ import numpy as np
 import typer
 
 from jshell import io
-from jshell.cli.constants import with_constants
+from jshell.cli import decay as decays
+from jshell.cli.constants import Damped, with_damping
 from jshell.cli.destinations import OutFile, Picture, drawable, traceable
 from jshell.cli.output import Json, finish, log, say, speaking, table
 from jshell.cli.problem import Problem, with_conditions
 from jshell.errors import BadName, BadValue, Outcome
 from jshell.memory import half_derivative
-from jshell.oscillator import Coefficients, Drag, Pulse, Ramp, Response, Reynolds, Step, StokesLayer, Tone
+from jshell.oscillator import Coefficients, Decay, Drag, Pulse, Ramp, Response, Reynolds, Step, StokesLayer, Tone
 from jshell.oscillator import drive as run
 from jshell.oscillator.forcing import Forcing
 from jshell.shell import SPHERE_VOLUME
@@ -26,10 +27,10 @@ DRAGS = ("viscous", "equal_decay", "reynolds", "none")
 
 @speaking
 @with_conditions
-@with_constants
+@with_damping
 def drive(
     problem: Problem,
-    constants: Coefficients,
+    damped: Damped,
     forcing: Annotated[str, typer.Option(help="tone, pulse, burst, step or ramp.")] = "tone",
     amplitude: Annotated[
         float, typer.Option(help="Added pressure / (E d/R0); of a pulse or burst its peak negative pressure.")
@@ -41,8 +42,10 @@ def drive(
     rise: Annotated[float, typer.Option(help="Length of a ramp.")] = 10.0,
     duration: Annotated[float, typer.Option(help="Length of the run.")] = 100.0,
     every: Annotated[float, typer.Option(help="Spacing of the samples.")] = 0.05,
-    drag: Annotated[str, typer.Option(help="viscous, equal_decay, reynolds or none.")] = "viscous",
-    tau: Annotated[float | None, typer.Option(help="Decay time of equal_decay.")] = None,
+    drag: Annotated[
+        str | None, typer.Option(help="viscous, equal_decay, reynolds or none.", show_default="viscous")
+    ] = None,
+    tau: decays.Tau = None,
     layer: Annotated[float, typer.Option(help="Factor of a Stokes layer; 0 is none.")] = 0.0,
     wall_viscosity: Annotated[float, typer.Option(help="Viscosity of the wall / (E d time).")] = 0.0,
     sound_speed: Annotated[float | None, typer.Option(help="Speed of sound / sqrt(E d/rho R0).")] = None,
@@ -53,24 +56,32 @@ def drive(
     """Drive a buckled shell by a tone, pulse, burst, step or ramp, with the nonlinear short model."""
     traceable(out)
     drawable(plot)
-    if drag in ("viscous", "reynolds") or layer > 0:
-        problem.needs_viscosity()
+    constants, law, found_decay = decays.decay(problem, damped, tau, drag, layer > 0)
     omega = _pulsation(problem, constants, pulsation, mhz)
     size = amplitude if kpa is None else _si(problem, "--kpa") and 1e3 * kpa / problem.scales.pressure  # pyright: ignore
     pressure = _forcing(forcing, size, omega, cycles, rise)
     memory = StokesLayer(half_derivative(), layer) if layer > 0 else None
-    losses = Drag(drag, tau, Reynolds(), memory, wall_viscosity, sound_speed)
+    losses = Drag(law, tau, Reynolds(), memory, wall_viscosity, sound_speed)
     times = np.arange(0.0, duration + every / 2, every)
     log(f"driving {duration:g} time units at pulsation {omega:g}")
     found = run(problem.conditions, constants, pressure, times=times, drag=losses)
-    _tell(problem, found, omega, out, plot, as_json)
+    _tell(problem, found, found_decay, omega, out, plot, as_json)
 
 
-def _tell(problem: Problem, found: Response, omega: float, out: Path | None, plot: Path | None, as_json: bool) -> None:
+def _tell(
+    problem: Problem,
+    found: Response,
+    decay: Decay,
+    omega: float,
+    out: Path | None,
+    plot: Path | None,
+    as_json: bool,
+) -> None:
     """Write what was asked for, and say the numbers."""
     outcome = Outcome(int(found.outcome))
     whole = found.trace()
-    trace = Trace(whole.times, whole.channels, whole.conditions, outcome=int(outcome), settings=whole.settings,
+    settings = (*whole.settings, *decays.written(decay))
+    trace = Trace(whole.times, whole.channels, whole.conditions, outcome=int(outcome), settings=settings,
                   scales=problem.scales)  # fmt: skip
     if out is not None:
         io.write_trace(out, trace)
@@ -93,13 +104,14 @@ def _tell(problem: Problem, found: Response, omega: float, out: Path | None, plo
     steps = {"accepted": int(found.accepted), "rejected": int(found.rejected)}
     if as_json:
         files = {"out": None if out is None else str(out), "plot": None if plot is None else str(plot)}
-        say({"outcome": outcome, **numbers, "pulsation": omega, "harmonics": levels, "steps": steps, **files,
-             "conditions": problem.record()})  # fmt: skip
+        say({"outcome": outcome, **numbers, "decay": decay.record(), "pulsation": omega, "harmonics": levels,
+             "steps": steps, **files, "conditions": problem.record()})  # fmt: skip
     else:
         rows = [(name.replace("_", " "), value) for name, value in numbers.items()]
         rows += [(f"scattered at {order} ω", value) for order, value in levels.items()]
         rows += [(f"steps {word}", count) for word, count in steps.items()]
         typer.echo(table(rows, ("driven shell", "value")))
+        typer.echo(decays.line(decay))
     finish(outcome)
 
 

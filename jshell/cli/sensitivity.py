@@ -7,9 +7,9 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from jshell.cli.constants import with_constants
+from jshell.cli.constants import Damped, with_damping
 from jshell.cli.destinations import Picture, drawable
-from jshell.cli.output import Json, say, speaking, table
+from jshell.cli.output import Json, log, say, speaking, table
 from jshell.cli.problem import Problem, named, with_conditions
 from jshell.errors import BadValue
 from jshell.oscillator import Coefficients
@@ -20,10 +20,10 @@ from jshell.shell import Reduced
 
 @speaking
 @with_conditions
-@with_constants
+@with_damping
 def sensitivity(
     problem: Problem,
-    constants: Coefficients,
+    damped: Damped,
     of: Annotated[
         str,
         typer.Option("--of", help="omega_minus, omega_plus, tau, volume, pressure, stability_margin or omega_sphere"),
@@ -47,11 +47,15 @@ def sensitivity(
 ) -> None:
     """Elasticities of a number at a shell; with --range, Sobol indices; with --next, which shell to measure next."""
     drawable(plot)
+    constants = damped.constants
     if following:
         _advise(problem, constants, following, sigma, plot, as_json)
         return
     if of == "tau":
         problem.needs_viscosity()
+        if not damped.given:
+            # what depends on what is asked of eq:taureal; a β1 that follows the shell would hide its own share
+            log(f"tau is α1/(2 β1 η̂) with the source's β1 = {float(constants.beta1):.3g}; --beta1 chooses")
     if vary:
         found = sobol(of, _ranges(vary), problem.conditions, constants, rows=rows, seed=seed, missing=missing)
         shown = _sobol_table(found)

@@ -190,15 +190,17 @@ def modes(
     outcome = Outcome(int(np.max(np.asarray(found.outcome))))
     rows = []
     for k in range(count):
-        if int(found.outcome[k]) != Outcome.OK:
+        ended = Outcome(int(found.outcome[k]))
+        if ended not in (Outcome.OK, Outcome.OVERDAMPED):
             continue
         values = (found.omega[k], found.Omega[k], found.tau[k], found.dV[k], found.dS[k])
-        rows.append(dict(zip(("omega", "Omega", "tau", "dV", "dS"), (float(v) for v in values), strict=True)))
+        numbers = dict(zip(("omega", "Omega", "tau", "dV", "dS"), (float(v) for v in values), strict=True))
+        rows.append({"mode": k + 1, **numbers, "outcome": ended})
     if as_json:
         say({"modes": rows, "outcome": outcome, "conditions": problem.record()})
     else:
-        header = ("mode", "ω = |s|", "Ω", "τ", "dV", "dS")
-        shown = [(str(k + 1), *row.values()) for k, row in enumerate(rows)]
+        header = ("mode", "ω = |s|", "Ω", "τ", "dV", "dS", "outcome")
+        shown = [(str(row["mode"]), *list(row.values())[1:-1], row["outcome"].word) for row in rows]
         if problem.scales is not None:
             header = (*header, "f [Hz]")
             shown = [(*line, row["omega"] * problem.scales.frequency) for line, row in zip(shown, rows, strict=True)]

@@ -12,7 +12,7 @@ from starlette.requests import Request
 
 import jshell
 from jshell.errors import JshellError
-from jshell.oscillator import SOURCE
+from jshell.oscillator import SOURCE, decay_by_law
 from jshell.service import reduced, safety
 from jshell.service.api import health, jobs, simulate, traces
 from jshell.service.problems import KINDS, answer, tell_in_problems
@@ -79,6 +79,7 @@ def _refuse(scope: Any, error: JshellError) -> Any:
 def _warm() -> None:
     """Compile what the page of the short model needs before somebody waits for it."""
     reduced.answer(R.conditions, SOURCE)
+    decay_by_law(R.conditions)
 
 
 def _described(app: FastAPI) -> dict[str, Any]:

@@ -131,7 +131,9 @@ class SimulateRequest(Conditions):
     alpha1: float | None = Field(None, strict=True, gt=0, le=1e3, description="Added-mass factor of the volume.")
     alpha2: float | None = Field(None, strict=True, gt=0, le=1e3, description="Added-mass factor of the area.")
     k_vs: float | None = Field(None, strict=True, ge=-1e3, le=1e3, description="Volume-area coupling.")
-    beta1: float | None = Field(None, strict=True, ge=0, le=1e4, description="Damping factor of the volume.")
+    beta1: float | None = Field(
+        None, strict=True, ge=0, le=1e4, description="Damping factor of the volume; null: as fast as the simulator."
+    )
     duration: float = Field(60.0, strict=True, gt=0, le=400, description="Length of the trace.")
     ramp: float = Field(25.0, strict=True, ge=0, le=200, description="Simulator: time of the pressure's rise.")
     elements: Whole = Field(24, ge=12, le=64, description="Simulator: elements.")
@@ -208,6 +210,16 @@ class JobPage(BaseModel):
     next: str | None = Field(description="Address of the next page; null on the last.")
 
 
+class DecayOut(BaseModel):
+    """How fast the trace rings down, and who says so."""
+
+    tau: float | None = Field(description="Decay time; null without loss, or where the shell is not buckled.")
+    origin: Literal["law", "given beta1"] = Field(description="law: fitted to the simulator's modes.")
+    error: dict[str, float] | None = Field(description="Relative error of the law: median, largest.")
+    outside: list[str] = Field(description="What lies outside the range the law was fitted in.")
+    words: str
+
+
 class SimulateOut(BaseModel):
     """What the short model says of a shell."""
 
@@ -218,13 +230,14 @@ class SimulateOut(BaseModel):
     omega_sphere: float | None
     omega_marmottant: float | None
     tau: float | None
+    decay: DecayOut
     volume: float | None
     pressure: float | None
     softening: dict[str, float | None] = Field(description="Sphere before buckling over the buckled shell after it.")
     crossing: dict[str, list[float | None]] = Field(description="Pulsations over the outer pressure.")
     trace: dict[str, list[float | None]] = Field(description="t, V and S after a push of one percent of the volume.")
     conditions: dict[str, float]
-    coefficients: dict[str, float]
+    coefficients: dict[str, float | None] = Field(description="beta1 is null where the shell is not buckled.")
 
 
 class Health(BaseModel):

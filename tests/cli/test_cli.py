@@ -75,7 +75,7 @@ def test_a_load_too_low_for_a_dimple_is_an_outcome(monkeypatch):
 
 def test_modes_are_ascending_and_have_no_decay_without_loss(monkeypatch):
     words = ("modes", "--preset", "R", "--elements", "24")
-    free = answer(monkeypatch, *words, "--no-stokes-layer")["modes"]
+    free = answer(monkeypatch, *words, "--liquid", "ideal")["modes"]
     assert [mode["omega"] for mode in free] == pytest.approx([1.190, 1.981, 2.931, 4.269], rel=1e-3)
     assert [mode["tau"] for mode in free] == [None] * 4
     damped = answer(monkeypatch, *words)["modes"]
@@ -248,11 +248,12 @@ def test_a_table_with_a_negative_frequency_is_refused(monkeypatch, tmp_path):
     assert "omega_minus" in found["place"]
 
 
-def test_modes_that_thick_loss_has_merged_are_not_listed_twice(monkeypatch):
-    found = answer(monkeypatch, "modes", "--preset", "R", "--elements", "24", "--eta-hat", "10", code=3)
-    assert found["outcome"] == "not_converged"
-    omegas = [mode["omega"] for mode in found["modes"]]
-    assert np.all(np.diff(omegas) > 1e-3)
+def test_modes_that_a_thick_liquid_stops_have_a_decay_and_no_frequency(monkeypatch):
+    found = answer(monkeypatch, "modes", "--preset", "R", "--elements", "24", "--eta-hat", "1.3", code=3)
+    assert found["outcome"] == "overdamped"
+    first = found["modes"][0]
+    assert (first["mode"], first["outcome"], first["omega"]) == (1, "overdamped", None)
+    assert first["tau"] > 10
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")

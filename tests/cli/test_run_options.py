@@ -35,7 +35,7 @@ def answer(monkeypatch, *words, code=0) -> dict:
 
 
 WORDS = ("--tone", 0.02, 3.0, "--burst", 0.05, 9.0, 1, "--burst-start", 0.2, "--shell-density", 0.8)
-LOST = ("--bulk", "--wall-dilatation", 0.01, "--reynolds")
+LOST = ("--wall-dilatation", 0.01, "--reynolds")
 
 
 def test_options_arrive_as_pythons_arguments(monkeypatch, tmp_path):
@@ -58,7 +58,7 @@ def test_options_arrive_as_pythons_arguments(monkeypatch, tmp_path):
     assert (found["outcome"], found["film"], found["gif"]) == ("ok", str(film), str(gif))
     assert seen["forcing"] == Together((Tone(0.02, 3.0), Pulse(0.05, 9.0, 1, start=0.2)))
     assert seen["losses"].wall == WallLoss(dilatation=0.01)
-    assert (seen["losses"].stokes, seen["losses"].bulk) == ("memory", True)
+    assert (seen["losses"].stokes, seen["losses"].order, seen["losses"].bulk) == ("memory", 2, False)
     assert (seen["shell_density"], seen["follow"], seen["checkpoint"]) == (0.8, True, tmp_path / "run.npz")
     assert (seen["pressure"], seen["progress"]) == (None, None)
     assert read_trace(out)["V_rate"][0] == pytest.approx(-0.04 * np.pi)
@@ -84,7 +84,7 @@ def test_a_run_from_the_terminal_is_the_run_of_python(monkeypatch, tmp_path):
         pressure=(jnp.array([0.0, 0.5, 2.0]), jnp.array([0.9, 1.0, 1.1])),
         forcing=Together((Tone(0.02, 3.0), Pulse(0.05, 9.0, 1, start=0.2))),
         shell_density=0.8,
-        losses=Losses(bulk=True, wall=WallLoss(dilatation=0.01), drag=Reynolds()),
+        losses=Losses(wall=WallLoss(dilatation=0.01), drag=Reynolds()),
         checkpoint=tmp_path / "run.npz",  # only the same run may read it
     )
     written = read_trace(out)
@@ -107,6 +107,9 @@ def test_losses_are_those_asked_for():
     for wrong in (("memory", 1.2), ("frequency", None)):
         with pytest.raises(BadValue, match="--stokes-frequency"):
             losses(*wrong, False, None, None, False)
+    assert losses(None, None, False, None, None, False, order=1) == Losses(order=1)
+    with pytest.raises(BadValue, match="bulk"):  # on a wall that sticks it is one of four terms of its order
+        losses(None, None, True, None, None, False)
     with pytest.raises(BadName, match="--stokes"):
         losses("slip", None, False, None, None, False)
 

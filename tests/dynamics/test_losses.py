@@ -1,5 +1,6 @@
 """What takes energy: against Lamb's bubble, Marmottant's coating, and the exact roots of the Stokes layer."""
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -7,9 +8,10 @@ from numpy.polynomial.legendre import Legendre
 from scipy.optimize import least_squares
 
 from jshell.contour import meridian
-from jshell.dynamics import Losses, modes, simulate
-from jshell.errors import BadName, BadValue
-from jshell.flow import bulk_resistance, flow
+from jshell.dynamics import Losses, kick, modes, simulate
+from jshell.dynamics.motion import resolved_motions
+from jshell.errors import BadName, BadValue, RangeWarning
+from jshell.flow import bulk_resistance, flow, second_resistance, slip_matrix
 from jshell.membrane import WallLoss, wall, wall_resistance
 from jshell.memory import half_derivative
 
@@ -90,17 +92,82 @@ def heard(trace, rates):
     return complex(-decay[0], omega[0])
 
 
+def kicked(problem, found, mode, losses):
+    """A small kick along one mode of a rest shape, and the rate heard in it."""
+    s, v = complex(found.rate[mode]), found.shapes[mode]
+    a = 1e-3 / float(found.dV[mode])
+    motion = {"displacement": a * v.real, "velocity": a * (v * s).real}
+    trace = simulate(problem, start=found.rest, **motion, losses=losses, duration=50.0)
+    order = [mode] + [k for k in range(4) if k != mode]
+    return s, heard(trace, np.asarray(found.rate)[order])
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("mode", [0, 1])
 @pytest.mark.parametrize("viscosity", [0.0006, 0.004, 0.013])
 def test_the_memory_in_time_rings_as_the_exact_layer(make_problem, viscosity, mode):
     problem = make_problem(0.22, 0.9, 1.6, viscosity)
-    found = modes(problem, elements=24)
-    s, v = complex(found.rate[mode]), found.shapes[mode]
-    a = 1e-3 / float(found.dV[mode])
-    trace = simulate(problem, start=found.rest, displacement=a * v.real, velocity=a * (v * s).real, duration=50.0)
-    order = [mode] + [k for k in range(4) if k != mode]
-    got = heard(trace, np.asarray(found.rate)[order])
+    s, got = kicked(problem, modes(problem, elements=24, liquid="layer"), mode, Losses(order=1))
     # asked: 0.5 % and 2 %; 3e-4 and 1e-3 are seen
     assert abs(got) == pytest.approx(abs(s), rel=1e-3)
-    assert -1 / got.real == pytest.approx(float(found.tau[mode]), rel=5e-3)
+    assert got.real == pytest.approx(s.real, rel=5e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", [0, 1])
+@pytest.mark.parametrize("viscosity", [0.0006, 0.004, 0.013])
+def test_second_order_in_time_rings_as_the_exact_liquid(make_problem, viscosity, mode):
+    problem = make_problem(0.22, 0.9, 1.6, viscosity)
+    s, got = kicked(problem, modes(problem, elements=24), mode, Losses())
+    # asked: 0.3 % and 2 % (3 % at 0.013); 0.25 % and 1.6 % are seen
+    assert abs(got) == pytest.approx(abs(s), rel=3e-3)
+    assert got.real == pytest.approx(s.real, rel=0.02)
+
+
+def test_second_order_takes_energy_from_every_motion_even_in_thick_liquids(rest_R, make_problem):
+    """The series' own second order does not, on motions that the mesh does not resolve: in time it would run away."""
+    shape, q = rest_R.meridian, rest_R.coordinates
+    resolved = resolved_motions(shape)
+
+    @eqx.filter_jit
+    def orders(q):
+        current = flow(shape, q)
+        return slip_matrix(shape, current), second_resistance(shape, current)
+
+    G, D = (np.asarray(part) for part in orders(q))
+    F = np.asarray(resolved)
+    assert np.linalg.eigvalsh(D).min() < -0.1
+    for viscosity in (0.004, 0.13, 1.3):
+        layer = np.sqrt(viscosity) * G
+        # a shell of R: at ω = 1 and at 20
+        for omega in (1.0, 20.0):
+            taken = np.sqrt(omega / 2) * layer + viscosity * F.T @ D @ F
+            assert np.linalg.eigvalsh(taken).min() > -1e-3
+
+
+def test_what_is_resolved_is_kept(rest_R, undamped_R):
+    shape = rest_R.meridian
+    F = np.asarray(resolved_motions(shape))
+    v = np.asarray(undamped_R.shapes).real[:2]
+    np.testing.assert_allclose(v @ F.T, v, rtol=0, atol=2e-2 * np.abs(v).max())
+    np.testing.assert_allclose(F @ shape.shift, shape.shift, atol=1e-10)
+
+
+def test_bulk_loss_is_refused_where_the_liquid_sticks():
+    assert Losses(stokes="none", bulk=True).bulk
+    for stokes in ("memory", "frequency"):
+        with pytest.raises(BadValue, match=r"bulk.*sticks"):
+            Losses(stokes, frequency=1.0 if stokes == "frequency" else None, bulk=True)
+    with pytest.raises(BadValue, match="order"):
+        Losses(order=3)
+
+
+@pytest.mark.slow
+def test_a_thick_layer_is_warned_of_with_the_exact_modes_beside(make_problem):
+    problem = make_problem(0.22, 0.9, 1.6, 0.05)
+    exact = modes(problem, elements=24)
+    start = kick(exact, 0.005)
+    with pytest.warns(RangeWarning, match="tau"):
+        trace = simulate(problem, start=exact.rest, velocity=start, duration=20.0)
+    beside = dict(trace.settings)["exact_modes"]
+    assert beside.startswith(f"tau {float(exact.tau[0]):.3g}, omega {float(exact.omega[0]):.3g}")

@@ -1,12 +1,13 @@
 """The short model at once; the simulator as a job."""
 
+import math
 from typing import Any
 
 import numpy as np
 from fastapi import APIRouter, Response
 from fastapi.responses import JSONResponse
 
-from jshell.oscillator import SOURCE, Coefficients
+from jshell.oscillator import SOURCE, Coefficients, Decay, decay_by_law, decay_time
 from jshell.service import reduced
 from jshell.service.api.answers import told
 from jshell.service.api.jobs import IdempotencyKey, accepted
@@ -32,10 +33,18 @@ def simulate(here: Here, asked: SimulateRequest, key: IdempotencyKey = None) -> 
     return JSONResponse(answered(asked))
 
 
-def constants(asked: SimulateRequest) -> Coefficients:
-    """The constants asked for; the source's where none are."""
+def constants(asked: SimulateRequest) -> tuple[Coefficients, Decay]:
+    """The constants asked for, and the decay they make; where none are, the source's, and the simulator's decay."""
     pick = lambda name: float(getattr(SOURCE, name)) if getattr(asked, name) is None else getattr(asked, name)  # noqa: E731
-    return Coefficients(pick("alpha1"), pick("alpha2"), pick("k_vs"), pick("beta1"))
+    masses = pick("alpha1"), pick("alpha2"), pick("k_vs")
+    shell = conditions(asked)
+    if asked.beta1 is not None:
+        given = Coefficients(*masses, asked.beta1)
+        return given, Decay(float(decay_time(given, shell.viscosity)), "given beta1")
+    decay = decay_by_law(shell)
+    if not math.isfinite(decay.tau):
+        return Coefficients(*masses), decay
+    return Coefficients.with_decay_time(*masses, decay.tau, shell.viscosity), decay
 
 
 def conditions(asked: Conditions) -> Reduced:
@@ -45,7 +54,7 @@ def conditions(asked: Conditions) -> Reduced:
 
 def answered(asked: SimulateRequest) -> dict[str, Any]:
     """Fields of `SimulateOut`."""
-    c = constants(asked)
+    c, decay = constants(asked)
     found = reduced.answer(conditions(asked), c, asked.duration)
     listed = lambda values: finite(np.asarray(values, dtype=float).tolist())  # noqa: E731
     slow, fast, sphere, bubble = listed(found.omega)
@@ -58,12 +67,14 @@ def answered(asked: SimulateRequest) -> dict[str, Any]:
         "omega_plus": fast,
         "omega_sphere": sphere,
         "omega_marmottant": bubble,
-        "tau": finite(found.tau),
+        "tau": finite(decay.tau),
+        "decay": finite(decay.record()),
         "volume": listed(found.rest)[0],
         "pressure": listed(found.rest)[1],
         "softening": {"load": load, "slow": drops[0], "fast": drops[1], "marmottant": drops[2]},
         "crossing": {"P_ext": listed(found.loads), **dict(zip(names, map(listed, found.crossing), strict=True))},
         "trace": {"t": listed(found.times), "V": listed(found.motion[0]), "S": listed(found.motion[1])},
         "conditions": {name: getattr(asked, name) for name in Conditions.model_fields},
-        "coefficients": {name: float(getattr(c, name)) for name in ("alpha1", "alpha2", "k_vs", "beta1")},
+        "coefficients": {name: float(getattr(c, name)) for name in ("alpha1", "alpha2", "k_vs")}
+        | {"beta1": None if math.isnan(decay.tau) else float(c.beta1)},
     }

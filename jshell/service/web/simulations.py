@@ -31,7 +31,7 @@ SLIDERS = (
     ("Pext_hat", "P̂ₑₓₜ", "outer pressure", 0.2, 8.0, 0.01),
     ("eta_hat", "η̂", "viscosity of the liquid", 0.0, 0.1, 0.001),
 )
-CONSTANTS = ("alpha1", "alpha2", "k_vs", "beta1")
+MASSES = ("alpha1", "alpha2", "k_vs")
 CHANNELS = ("V", "S", "H", "W")
 
 
@@ -54,7 +54,9 @@ def sliders(request: Request, here: Here) -> Response:
             (name, symbol, words, low, high, step, fields.get(name, f"{getattr(asked, name):.6g}"))
             for name, symbol, words, low, high, step in SLIDERS
         ],
-        "constants": [(name, fields.get(name) or f"{float(getattr(SOURCE, name)):.5g}") for name in CONSTANTS],
+        # β₁ stays empty until somebody gives one: empty, the simulator's modes say how fast it rings down
+        "constants": [(name, fields.get(name) or f"{float(getattr(SOURCE, name)):.5g}", "") for name in MASSES]
+        + [("beta1", fields.get("beta1", ""), "as the simulator")],
         "query": urlencode({name: text for name, text in fields.items() if text}),
         "drop": None if found is None else _ratio(found["omega_sphere"], found["omega_minus"]),
     }

@@ -12,7 +12,7 @@ import pytest
 
 import jshell
 from jshell.calibration.recordings import Recordings
-from jshell.oscillator import SOURCE, frequencies
+from jshell.oscillator import SOURCE, fitted_decay_time, frequencies
 from jshell.service import batches
 from jshell.service.settings import Settings
 
@@ -265,11 +265,30 @@ def test_the_short_model_answers_at_once_with_the_librarys_numbers(http):
     assert found["omega_minus"] == pytest.approx(float(wanted.omega_minus), rel=1e-12)
     assert found["omega_plus"] == pytest.approx(float(wanted.omega_plus), rel=1e-12)
     assert found["outcome"] == "ok"
-    assert found["tau"] == pytest.approx(3.6 / (2 * float(SOURCE.beta1) * 0.01), rel=1e-12)
+    assert found["tau"] == pytest.approx(float(fitted_decay_time(jshell.Reduced(0.08, 0.9, 1.2, 0.01))), rel=1e-12)
+    assert found["tau"] == pytest.approx(3.6 / (2 * found["coefficients"]["beta1"] * 0.01), rel=1e-12)
+    assert found["decay"]["origin"] == "law"
+    given = http.post("/api/v1/simulate", json=asked | {"beta1": float(SOURCE.beta1)}).json()
+    assert given["tau"] == pytest.approx(3.6 / (2 * float(SOURCE.beta1) * 0.01), rel=1e-12)
+    assert given["decay"]["origin"] == "given beta1"
+    assert given["decay"]["error"] is None
     assert found["trace"]["V"][0] == pytest.approx(1.01 * found["volume"], rel=1e-12)
     sphere = http.post("/api/v1/simulate", json=asked | {"Pext_hat": 0.5}).json()
     assert sphere["outcome"] == "no_buckled_state"
     assert sphere["omega_minus"] is None
+    assert sphere["tau"] is None
+    assert sphere["coefficients"]["beta1"] is None
+
+
+def test_the_short_model_rings_r_as_long_as_the_simulator_does(http):
+    found = http.post("/api/v1/simulate", json={}).json()
+    assert found["tau"] == pytest.approx(7.180, rel=0.1)  # the simulator's slow mode in the exact liquid
+    swing = np.abs(np.array(found["trace"]["V"]) / found["volume"] - 1)
+    late = np.array(found["trace"]["t"]) > 30
+    assert swing[late].max() < 0.03 * swing.max()  # e^(-30/7.2) = 1.6 %; with the source's β1 70 %
+    far = http.post("/api/v1/simulate", json={"d_hat": 0.35, "Pext_hat": 2.2}).json()
+    assert far["tau"] > 0
+    assert far["decay"]["outside"] == ["d_hat = 0.35 (0.02 to 0.3)"]
 
 
 def test_the_simulator_runs_as_a_job(http):

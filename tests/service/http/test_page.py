@@ -198,6 +198,13 @@ def test_without_javascript_the_forms_post_and_the_curves_are_pictures(browser, 
     assert picture.evaluate("e => e.naturalWidth") > 100
     page.goto("/simulate?d_hat=0.08&P0_hat=0.9&Pext_hat=1.2&eta_hat=0.01")
     assert page.locator("#slow").inner_text() == "0.8243"
+    assert "from a law fitted to the simulator's modes" in page.locator("#result").inner_text()
+    page.get_by_text("Constants of the model").click()
+    page.get_by_label("β₁").fill("5.29412")
+    page.get_by_role("button", name="Show").click()
+    page.wait_for_url("**beta1=5.29412**")
+    assert page.locator("#decay").inner_text() == "34"  # ½ 0.68/0.01
+    assert "by the given β1" in page.locator("#result").inner_text()
     context.close()
 
 
