@@ -29,9 +29,11 @@ SHOWN = 2  # exact modes beside a run that warns
 
 def series_error(trace: Trace) -> float:
     """How far τ of a run is off, from what first and second order have taken since its dimple formed [-]."""
-    times = np.asarray(trace.times)
+    times, said = np.asarray(trace.times), dict(trace.settings)
+    if "ramp" in said and "buckled_at" not in said:
+        return 0.0  # a sphere that is compressed does not ring
     # while a sphere is slowly compressed the layer has time to thicken: that says nothing of the ringing
-    began = int(np.searchsorted(times, float(dict(trace.settings).get("buckled_at", "0"))))
+    began = int(np.searchsorted(times, float(said.get("buckled_at", "0"))))
     layer, second = (np.asarray(trace[name]) for name in ("loss_layer", "loss_bulk"))
     taken, beside = (float(part[-1] - part[min(began, times.size - 1)]) for part in (layer, second))
     return SERIES_ERROR * (beside / taken) ** 2 if taken > 0 else 0.0

@@ -43,7 +43,8 @@ def _modes(count=2) -> Modes:
     rest = _dented()
     shapes = jnp.stack([rest.meridian.sphere * (k + 1.0) for k in range(count)]).astype(complex)
     rates = jnp.arange(1.0, count + 1.0)
-    return Modes(rates, rates, 5 * rates, rates, rates, shapes, jnp.zeros(count, int), rest)
+    decaying = -0.2 / rates + 1j * rates
+    return Modes(rates, rates, 5 * rates, rates, rates, shapes, decaying, jnp.zeros(count, int), rest)
 
 
 def _ring(scales=None) -> Trace:
