@@ -50,7 +50,7 @@ def test_slow_mode_slows_down_in_thicker_liquids(shipped):
     assert falls(omega[np.isfinite(omega)])
     kicked = shipped.where(family="viscosity-kick").sorted_by("eta_hat")
     assert falls(kicked["omega_minus"][kicked["eta_hat"] < 0.02])
-    # heard in the layer to second order, computed in the exact liquid; two sinusoids of one decay are 1.6 % off at 0.013
+    # heard to second order, computed in the exact liquid; two sinusoids of one decay are 1.6 % off at 0.013
     thin = kicked["eta_hat"] < 0.01
     np.testing.assert_allclose(kicked["omega_minus"][thin], kicked["modes_omega_1"][thin], rtol=0.01)
 
