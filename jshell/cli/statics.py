@@ -1,6 +1,7 @@
 """`jshell rest`, `branch`, `modes` and `frequencies`: a shell at rest, its vibrations, what the short model says."""
 
 import importlib
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -188,22 +189,16 @@ def modes(
         weak_spot=weak_spot(spot, NO_WEAK_SPOT),
     )
     outcome = Outcome(int(np.max(np.asarray(found.outcome))))
-    rows = []
-    for k in range(count):
-        ended = Outcome(int(found.outcome[k]))
-        if ended not in (Outcome.OK, Outcome.OVERDAMPED):
-            continue
-        values = (found.omega[k], found.Omega[k], found.tau[k], found.dV[k], found.dS[k])
-        numbers = dict(zip(("omega", "Omega", "tau", "dV", "dS"), (float(v) for v in values), strict=True))
-        rows.append({"mode": k + 1, **numbers, "outcome": ended})
+    rows = found.table()
     if as_json:
-        say({"modes": rows, "outcome": outcome, "conditions": problem.record()})
+        say({"modes": [asdict(row) for row in rows], "outcome": outcome, "conditions": problem.record()})
     else:
         header = ("mode", "ω = |s|", "Ω", "τ", "dV", "dS", "outcome")
-        shown = [(str(row["mode"]), *list(row.values())[1:-1], row["outcome"].word) for row in rows]
+        shown = [(str(row.mode), row.omega, row.Omega, row.tau, row.dV, row.dS, row.outcome) for row in rows]
         if problem.scales is not None:
             header = (*header, "f [Hz]")
-            shown = [(*line, row["omega"] * problem.scales.frequency) for line, row in zip(shown, rows, strict=True)]
+            hertz = [None if row.omega is None else row.omega * problem.scales.frequency for row in rows]
+            shown = [(*line, one) for line, one in zip(shown, hertz, strict=True)]
         typer.echo(table(shown, header))
     finish(outcome)
 

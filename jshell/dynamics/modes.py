@@ -13,10 +13,12 @@ Source     Mokbel et al. 2021: ω² = Ω² + 1/τ²; `jshell.flow` for the liqui
 """
 
 import warnings
+from dataclasses import dataclass
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Complex, Float, Int
 
 from jshell.contour import NO_WEAK_SPOT, WeakSpot, area, volume
@@ -31,6 +33,27 @@ RESIDUAL = 1e-8
 SAME_ROOT = 1e-6  # relative
 LOSSLESS = 1e-12  # a decay slower than this against |s| is none
 OSCILLATES = 0.2  # Im s over |s|: below it a mode falls to 4e-14 within what would be one period
+
+
+@dataclass(frozen=True)
+class Mode:
+    """One mode as a table shows it; None where its outcome leaves nothing to say.
+
+    Attributes:
+        mode: Its number, from 1.
+        omega, Omega: |s| and Im s [1/time]; None for an overdamped mode.
+        tau: Decay time [time]; None without loss.
+        dV, dS: Change of volume [R0³] and area [R0²] along it, vᵀM v = 1.
+        outcome: `ok`, `overdamped`, or why there is nothing.
+    """
+
+    mode: int
+    omega: float | None
+    Omega: float | None
+    tau: float | None
+    dV: float | None
+    dS: float | None
+    outcome: str
 
 
 class Modes(eqx.Module):
@@ -57,6 +80,19 @@ class Modes(eqx.Module):
     rate: Complex[Array, "modes"]
     outcome: Int[Array, "modes"]
     rest: RestShape
+
+    def table(self) -> tuple[Mode, ...]:
+        """The modes as rows of plain numbers."""
+        rows = []
+        for k, ended in enumerate(np.asarray(self.outcome).tolist(), 1):
+            word = Outcome(ended).word
+            if ended not in (Outcome.OK, Outcome.OVERDAMPED):
+                rows.append(Mode(k, None, None, None, None, None, word))
+                continue
+            measured = (self.omega, self.Omega, self.tau, self.dV, self.dS)
+            omega, Omega, tau, dV, dS = (x if np.isfinite(x := float(part[k - 1])) else None for part in measured)
+            rows.append(Mode(k, omega, Omega, tau, dV, dS, word))
+        return tuple(rows)
 
 
 def modes(

@@ -19,6 +19,7 @@ import jshell.errors
 from jshell import io
 from jshell.calibration import BatchResult, FitResult, Recordings, load
 from jshell.calibration.recordings import gathered
+from jshell.dynamics import Mode
 from jshell.errors import BadValue, JshellError, MissingExtra, NotOk
 from jshell.service import batches, parts, sending
 from jshell.service.settings import HELD
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
     import httpx
 
 LOCAL = "http://127.0.0.1:8765"
-PLURAL = {"fit": "fits", "batch": "batches", "simulate": "simulations"}
+PLURAL = {"fit": "fits", "batch": "batches", "simulate": "simulations", "modes": "modes"}
 OVER = ("done", "failed", "cancelled")
 AGAIN = (429, 503)  # worth another try
 Data = str | Path | Trace
@@ -52,7 +53,7 @@ class Job:
     Attributes:
         client: Where it is.
         id: Its name.
-        kind: `fit`, `batch` or `simulate`.
+        kind: `fit`, `batch`, `simulate` or `modes`.
         state: `queued`, `running`, `done`, `failed` or `cancelled`.
         progress: Part that is done, 0 to 1.
         specification: What was asked.
@@ -89,7 +90,7 @@ class Job:
         return self.client.cancel(self)
 
     def result(self, seconds: float | int = 600.0) -> Any:
-        """What it found, waiting for it: a `FitResult`, a `BatchResult` or a `Trace`.
+        """What it found, waiting for it: a `FitResult`, a `BatchResult`, a `Trace`, or a row per mode.
 
         Raises:
             JshellError: The error with which it failed.
@@ -243,6 +244,17 @@ class Client:
         sent = self._send("POST", "/simulate", json=asked | {"model": "simulator"} | sending.plain(options))
         return self._job(sent.json()).result(seconds)
 
+    def modes(self, conditions: Reduced, *, seconds: float | int = 600.0, **options: Any) -> tuple[Mode, ...]:
+        """Small vibrations of a shell about its rest shape, found there.
+
+        Args:
+            conditions: The shell and its load.
+            seconds: Longest time to wait.
+            **options: `liquid`, `count`, `elements`, `attached`, as in `jshell.dynamics.modes`.
+        """
+        asked = {key: float(getattr(conditions, field)) for key, field in CONDITION_FIELDS.items()}
+        return self._job(self._send("POST", "/modes", json=asked | sending.plain(options)).json()).result(seconds)
+
     def upload(self, trace: Data, conditions: Mapping[str, float] | None = None) -> str:
         """Hand a trace in; the same bytes are kept once.
 
@@ -282,7 +294,7 @@ class Client:
         return self._job(self._send("DELETE", f"/{PLURAL[kind]}/{id}").json())
 
     def result(self, job: Job | str, kind: str = "fit") -> Any:
-        """What a job that is done found: `FitResult`, `BatchResult` or `Trace`.
+        """What a job that is done found: `FitResult`, `BatchResult`, `Trace`, or a row per mode.
 
         Raises:
             JshellError: There is no such job, or it has no result.
@@ -291,6 +303,8 @@ class Client:
         if kind == "batch":
             return batches.unpack_result(self._send("GET", f"/batches/{id}.npz").content)
         content = self._send("GET", f"/{PLURAL[kind]}/{id}.json").content
+        if kind == "modes":
+            return tuple(Mode(**row) for row in json.loads(content))
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "record.json"
             path.write_bytes(content)

@@ -15,15 +15,16 @@ from jshell.errors import BadFile, JshellError, NotFound
 from jshell.service import batches
 from jshell.service.problems import NotReady
 from jshell.service.safety import neutral_csv
-from jshell.service.schemas import Conditions, FitOptions, SimulateRequest, finite
+from jshell.service.schemas import Conditions, FitOptions, ModesRequest, SimulateRequest, finite
 from jshell.service.store import JobRow, Store
 from jshell.trace import Trace
 
-PLURAL = {"fit": "fits", "batch": "batches", "simulate": "simulations"}
+PLURAL = {"fit": "fits", "batch": "batches", "simulate": "simulations", "modes": "modes"}
 FILES = {  # by suffix; table and report of a batch are made of its record when they are asked for
     "fit": {"json": "record.json", "csv": "table.csv", "nc": "record.nc", "txt": "report.txt"},
     "batch": {"npz": "record.npz", "csv": "table.csv", "txt": "report.txt"},
     "simulate": {"json": "trace.json", "csv": "trace.csv", "nc": "trace.nc"},
+    "modes": {"json": "modes.json", "csv": "modes.csv"},
 }
 MEDIA = {
     "json": "application/json",
@@ -113,15 +114,24 @@ def fit_specification(options: FitOptions) -> dict[str, Any]:
 
 def simulator_specification(asked: SimulateRequest) -> dict[str, Any]:
     """What a worker is asked to simulate."""
-    conditions = {name: getattr(asked, name) for name in Conditions.model_fields}
     return {
         "model": "simulator",
-        "conditions": conditions,
+        "conditions": _conditions(asked),
         "duration": asked.duration,
         "every": EVERY,
         "ramp": asked.ramp,
         "elements": asked.elements,
     }
+
+
+def modes_specification(asked: ModesRequest) -> dict[str, Any]:
+    """What modes a worker is asked for."""
+    options = {name: getattr(asked, name) for name in ModesRequest.model_fields if name not in Conditions.model_fields}
+    return {"conditions": _conditions(asked), **options}
+
+
+def _conditions(asked: Conditions) -> dict[str, float]:
+    return {name: getattr(asked, name) for name in Conditions.model_fields}
 
 
 @functools.lru_cache(maxsize=KEPT)
@@ -155,6 +165,11 @@ def simulated(store: Store, job: str) -> Trace:
         return jshell.io.read_trace(path)
 
 
+def modes_found(store: Store, job: str) -> list[dict[str, Any]]:
+    """The modes that a job found; fields of `ModeOut`."""
+    return json.loads(store.result(job, "modes.json"))
+
+
 def profile_of(store: Store, job: JobRow) -> Mapping[str, Any] | None:
     """Profile intervals, where they were asked for."""
     if not job.specification.get("profile"):
@@ -173,6 +188,11 @@ def fit_shown(store: Store, job: JobRow) -> dict[str, Any]:
     return shown(job) | {"result": finite(record | {"profile": profile_of(store, job)})}
 
 
+def modes_shown(store: Store, job: JobRow) -> dict[str, Any]:
+    """A job for modes with its result, as the API shows it; fields of `ModesOut`."""
+    return shown(job) | {"result": modes_found(store, job.id) if job.state == "done" else None}
+
+
 def summary(store: Store, job: JobRow) -> str:
     """What came of a job, in a few words; empty while nothing has."""
     if job.state == "failed" and job.error is not None:
@@ -186,6 +206,9 @@ def summary(store: Store, job: JobRow) -> str:
         if job.kind == "batch":
             table = batch_result(store, job.id)
             return f"{int(table.ok.sum())} of {len(table)} ok"
+        if job.kind == "modes":
+            heard = [one["omega"] for one in modes_found(store, job.id)]
+            return "ω " + ", ".join("–" if omega is None else f"{omega:.3g}" for omega in heard)
     except JshellError as error:
         return str(error)
     return "trace"

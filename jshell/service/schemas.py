@@ -27,7 +27,7 @@ def _whole(value: Any) -> Any:
 
 Whole = Annotated[int, Field(strict=True), BeforeValidator(_whole)]
 State = Literal["queued", "running", "done", "failed", "cancelled"]
-JobKind = Literal["fit", "batch", "simulate"]
+JobKind = Literal["fit", "batch", "simulate", "modes"]
 
 
 def _closed(schema: dict[str, Any]) -> None:
@@ -139,6 +139,17 @@ class SimulateRequest(Conditions):
     elements: Whole = Field(24, ge=12, le=64, description="Simulator: elements.")
 
 
+class ModesRequest(Conditions):
+    """The small vibrations of a shell about its rest shape, as a job."""
+
+    liquid: Literal["exact", "second", "layer", "ideal"] = Field(
+        "exact", description="exact: any viscosity; second, layer: orders of a thin layer; ideal: no viscosity."
+    )
+    count: Whole = Field(4, ge=1, le=6, description="How many, slowest first.")
+    elements: Whole = Field(32, ge=12, le=64, description="Elements of the meridian.")
+    attached: float = Field(0.0, strict=True, ge=0, lt=1.5, description="Half-angle of the pad that holds it; 0: free.")
+
+
 class TraceOut(BaseModel):
     """A stored trace."""
 
@@ -194,6 +205,24 @@ class FitOut(JobOut):
     """A fit, with its result where there is one; its fields are those of `FitResult.record()`."""
 
     result: dict[str, Any] | None = None
+
+
+class ModeOut(BaseModel):
+    """One mode; null where its outcome leaves nothing to say."""
+
+    mode: int = Field(description="From 1, slowest first.")
+    omega: float | None = Field(description="|s|; null where it is overdamped.")
+    Omega: float | None = Field(description="Im s.")
+    tau: float | None = Field(description="Decay time; null without loss.")
+    dV: float | None
+    dS: float | None
+    outcome: str
+
+
+class ModesOut(JobOut):
+    """Modes, once they are found."""
+
+    result: list[ModeOut] | None = None
 
 
 class TracePage(BaseModel):

@@ -23,7 +23,7 @@ from jshell.service.rows import Failure, JobRow, Submission, content_of, job_of,
 from jshell.service.tables import CANCELLED, DONE, FAILED, QUEUED, RUNNING, STATES, jobs, pulse, results
 from jshell.service.uploads import TraceRow, Upload
 
-KINDS = ("fit", "batch", "simulate")
+KINDS = ("fit", "batch", "simulate", "modes")
 DIED = "worker_died"
 QUIET = 2.0  # [s] that a job rests after its second worker died: what kills workers lets the others go first
 

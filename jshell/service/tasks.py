@@ -5,6 +5,7 @@ nothing of HTTP. A job is data only: what it asks for is looked up here by name.
 """
 
 import csv
+import dataclasses
 import functools
 import io as streams
 import json
@@ -30,6 +31,7 @@ from jshell.oscillator import Coefficients
 from jshell.service import batches
 from jshell.service.archives import Content
 from jshell.service.spool import Place
+from jshell.shell import Reduced
 from jshell.trace import Trace
 
 FIT = frozenset(Specification.__dataclass_fields__) - {"kind", "weighting"}
@@ -38,6 +40,7 @@ BATCH = frozenset({"solver", "equilibrium", "fix", "bounds", "starts", "seed"})
 SIMULATOR = frozenset(
     {"duration", "every", "ramp", "elements", "attached", "shell_density", "step", "follow", "tolerance", "netcdf"}
 )
+MODES = frozenset({"liquid", "count", "elements", "attached"})
 OSCILLATOR = frozenset({"duration", "every", "coefficients", "initial", "netcdf"})
 MEMORY = Path("/dev/shm")  # Linux; in a container it may be small
 SMALL = 2**20  # bytes of a file that is laid there to be read
@@ -75,11 +78,11 @@ def ready(warm: bool = False, nice: int | None = None) -> int:
     return os.getpid()
 
 
-def run(kind: str, specification: Mapping[str, Any], files: Sequence[tuple[str, bytes | Place]]) -> Answer:
+def run(kind: str, specification: Mapping[str, Any], files: Sequence[tuple[str, bytes | Place]] = ()) -> Answer:
     """Do a job.
 
     Args:
-        kind: `fit`, `batch` or `simulate`.
+        kind: `fit`, `batch`, `simulate` or `modes`.
         specification: What is asked.
         files: Name and bytes of each trace, or where on this machine its bytes are.
     """
@@ -184,10 +187,7 @@ def motion(specification: Mapping[str, Any]) -> Trace:
             f"model {model!r}", found="no such model", expected="simulator or oscillator", remedy="Choose one."
         )
     _known(asked, SIMULATOR if model == "simulator" else OSCILLATOR)
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "conditions.json"
-        path.write_text(json.dumps(given))
-        conditions, _ = _reading(path, "conditions", lambda: io.read_conditions(path))
+    conditions = _conditions(given)
     if model == "simulator":
         return dynamics.simulate(conditions, **asked)
     duration, every = float(asked.get("duration", 70.0)), float(asked.get("every", 0.05))
@@ -201,10 +201,39 @@ def motion(specification: Mapping[str, Any]) -> Trace:
     return oscillator.simulate(conditions, coefficients, initial=initial, times=times)
 
 
+def modes(specification: Mapping[str, Any], files: Files = ()) -> dict[str, bytes]:
+    """Find the small vibrations of a shell about its rest shape.
+
+    Returns:
+        `modes.json`, rows of `jshell.dynamics.Mode`; `modes.csv`, the same.
+
+    Raises:
+        JshellError: As `jshell.dynamics.modes`.
+    """
+    asked = dict(specification)
+    conditions = _conditions(asked.pop("conditions", None))
+    _known(asked, MODES)
+    rows = [dataclasses.asdict(row) for row in dynamics.modes(conditions, **asked).table()]
+    file = streams.StringIO()
+    writer = csv.DictWriter(file, fieldnames=list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return {"modes.json": _json(rows), "modes.csv": file.getvalue().encode()}
+
+
+def _conditions(given: Any) -> Reduced:
+    """The shell that a specification names."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "conditions.json"
+        path.write_text(json.dumps(given))
+        return _reading(path, "conditions", lambda: io.read_conditions(path))[0]
+
+
 _TASKS: Mapping[str, Callable[[Mapping[str, Any], Files], dict[str, bytes]]] = {
     "fit": fit,
     "batch": batch,
     "simulate": simulate,
+    "modes": modes,
 }
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import jshell
-from jshell import calibration, io
+from jshell import calibration, dynamics, io
 from jshell.calibration import BatchResult, Recordings, fit_batch
 from jshell.calibration.recordings import gathered
 from jshell.errors import BadFile, JshellError, Outcome
@@ -67,6 +67,20 @@ def test_a_model_that_cannot_run_says_why(change, words):
     assert not answer.files
     assert answer.error is not None
     assert words in json.dumps(answer.error, ensure_ascii=False)
+
+
+def test_modes_are_the_librarys_own():
+    R = {"d_hat": 0.22, "P0_hat": 0.9, "Pext_hat": 1.62, "eta_hat": 0.004}
+    asked = {"conditions": R, "elements": 16, "count": 2, "liquid": "ideal"}
+    answer = tasks.run("modes", asked)
+    assert answer.error is None
+    rows = json.loads(answer.files["modes.json"])
+    found = dynamics.modes(jshell.Reduced(*R.values()), elements=16, count=2, liquid="ideal")
+    assert [dynamics.Mode(**row) for row in rows] == list(found.table())
+    assert rows[0]["tau"] is None  # without loss
+    assert answer.files["modes.csv"].decode().splitlines()[0] == "mode,omega,Omega,tau,dV,dS,outcome"
+    assert "liquid" in str(tasks.run("modes", asked | {"liquid": "water"}).error)
+    assert "option 'ramp'" in str(tasks.run("modes", asked | {"ramp": 3}).error)
 
 
 def test_a_fault_of_our_own_is_no_error_of_the_user():

@@ -18,6 +18,8 @@ from jshell.service.jobs import (
     file_of,
     fit_shown,
     fit_specification,
+    modes_shown,
+    modes_specification,
     of_kind,
     packed,
     shown,
@@ -25,7 +27,17 @@ from jshell.service.jobs import (
 from jshell.service.problems import listed, of_validation
 from jshell.service.reading import ROOM, check_one_readable
 from jshell.service.safety import attachment, clean_name
-from jshell.service.schemas import BatchOptions, FitOut, FitRequest, JobOut, JobPage, Key, State
+from jshell.service.schemas import (
+    BatchOptions,
+    FitOut,
+    FitRequest,
+    JobOut,
+    JobPage,
+    Key,
+    ModesOut,
+    ModesRequest,
+    State,
+)
 from jshell.service.settings import HELD
 from jshell.service.state import Here
 from jshell.service.store import JobRow, Submission
@@ -55,6 +67,12 @@ def fit(here: Here, asked: FitRequest, key: IdempotencyKey = None) -> Response:
     """Fit traces that share their constants. The same data and options are the same job."""
     _not_too_many(len(asked.traces), here.settings.traces)
     return accepted(here.store.submit("fit", fit_specification(asked), asked.traces, key))
+
+
+@router.post("/modes", tags=["modes"], status_code=202, responses=ACCEPTED, summary="Find a shell's modes")
+def modes(here: Here, asked: ModesRequest, key: IdempotencyKey = None) -> Response:
+    """Frequencies and decay times of the small vibrations about the rest shape. The same shell is the same job."""
+    return accepted(here.store.submit("modes", modes_specification(asked), [], key))
 
 
 @router.post(
@@ -127,6 +145,9 @@ def _file(here: Here, job: JobRow, suffix: str) -> Response:
     return Response(file_of(here.store, job, suffix), headers=given, media_type=MEDIA[suffix])
 
 
+_SHOWN = {"fit": fit_shown, "modes": modes_shown}
+
+
 def _routes(kind: str, words: str, out: type[JobOut]) -> None:
     """The routes that every kind of job has: list, look, call off, results."""
     plural = PLURAL[kind]
@@ -148,7 +169,7 @@ def _routes(kind: str, words: str, out: type[JobOut]) -> None:
     def one(here: Here, id: Name) -> dict[str, Any]:
         """State, progress, error, and what came out."""
         job = of_kind(here.store, id, kind)
-        return fit_shown(here.store, job) if kind == "fit" else shown(job)
+        return _SHOWN.get(kind, lambda store, job: shown(job))(here.store, job)
 
     @router.delete(
         f"/{plural}/{{id:key}}", response_model=JobOut, responses=told(404), summary=f"Cancel a {words}", tags=tags
@@ -177,6 +198,7 @@ def _download(kind: str, suffix: str, words: str) -> None:
 _routes("fit", "fit", FitOut)
 _routes("batch", "batch", JobOut)
 _routes("simulate", "simulation", JobOut)
+_routes("modes", "job for modes", ModesOut)
 
 
 def _not_too_many(found: int, most: int) -> None:

@@ -81,7 +81,7 @@ def _common(here: Service, job: JobRow) -> dict[str, Any]:
     return {
         "job": job,
         "names": names,
-        "title": title or "Simulation",
+        "title": title or ("Modes" if job.kind == "modes" else "Simulation"),
         "files": files,
         "link": f"/{PLURAL[job.kind]}/{job.id}",
     }

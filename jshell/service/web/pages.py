@@ -55,7 +55,7 @@ def line(store: Store, job: JobRow) -> dict[str, Any]:
     title = ", ".join(names) + (f" and {more} more" if more > 0 else "")
     return {
         "job": job,
-        "title": title or "simulation",
+        "title": title or ("modes" if job.kind == "modes" else "simulation"),
         "link": f"/{PLURAL[job.kind]}/{job.id}",
         "words": summary(store, job),
     }

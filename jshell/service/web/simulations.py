@@ -1,5 +1,6 @@
 """The page of the short model with its sliders; and that of a simulator's run."""
 
+from collections.abc import Callable
 from typing import Any
 from urllib.parse import urlencode
 
@@ -14,10 +15,10 @@ from jshell.errors import BadValue, JshellError
 from jshell.oscillator import SOURCE
 from jshell.service import jobs
 from jshell.service.api.simulate import answered
-from jshell.service.jobs import of_kind, simulator_specification
+from jshell.service.jobs import modes_specification, of_kind, simulator_specification
 from jshell.service.problems import of_validation
-from jshell.service.schemas import SimulateRequest
-from jshell.service.state import Here
+from jshell.service.schemas import Conditions, ModesRequest, SimulateRequest
+from jshell.service.state import Here, Service
 from jshell.service.web import drawing, series
 from jshell.service.web.fits import _common
 from jshell.service.web.forms import FitForm
@@ -72,15 +73,41 @@ def drawn(request: Request) -> Response:
 @router.post("/simulations")
 async def run(request: Request, here: Here) -> Response:
     """Hand a run of the simulator in."""
+    return await _handed_in(request, here, "simulate", simulator_specification)
+
+
+@router.post("/modes")
+async def find_modes(request: Request, here: Here) -> Response:
+    """Ask for the modes of the shell on the sliders, in the exact liquid."""
+
+    def specification(asked: SimulateRequest) -> dict[str, Any]:
+        shell = {name: getattr(asked, name) for name in Conditions.model_fields}
+        return modes_specification(ModesRequest(**shell))
+
+    return await _handed_in(request, here, "modes", specification)
+
+
+async def _handed_in(
+    request: Request, here: Service, kind: str, specification: Callable[[SimulateRequest], dict[str, Any]]
+) -> Response:
     async with request.form() as sent:
         fields = ImmutableMultiDict([(key, str(value)) for key, value in sent.multi_items()])
 
     def handed_in() -> Response:
-        asked = _asked(fields)
-        job = here.store.submit("simulate", simulator_specification(asked), []).job
-        return RedirectResponse(f"/simulations/{job.id}", 303)
+        job = here.store.submit(kind, specification(_asked(fields)), []).job
+        return RedirectResponse(f"/{jobs.PLURAL[kind]}/{job.id}", 303)
 
     return await run_in_threadpool(handed_in)
+
+
+@router.get("/modes/{id}")
+def modes(request: Request, here: Here, id: str) -> Response:
+    """The modes of a shell."""
+    job = of_kind(here.store, id, "modes")
+    given = _common(here, job) | {"asked": job.specification, "conditions": job.specification.get("conditions", {})}
+    if job.state == "done":
+        given |= {"rows": jobs.modes_found(here.store, job.id)}
+    return shown(request, "modes.html", given)
 
 
 @router.get("/simulations/{id}")

@@ -298,6 +298,20 @@ def test_the_simulator_runs_as_a_job(http):
     assert http.get(sent.headers["location"]).json()["specification"]["conditions"]["d_hat"] == 0.22
 
 
+def test_modes_are_a_job(http):
+    asked = {"elements": 16, "liquid": "ideal"}
+    sent = http.post("/api/v1/modes", json=asked)
+    assert sent.status_code == 202
+    found = http.get(sent.headers["location"]).json()
+    assert found["specification"] | asked == found["specification"]
+    assert found["specification"]["conditions"]["d_hat"] == 0.22
+    assert found["result"] is None
+    assert "waiting" in http.get(f"/modes/{found['id']}").text.lower()
+    assert http.post("/api/v1/modes", json=asked).json()["id"] == found["id"]
+    refused(http.post("/api/v1/modes", json={"liquid": "water"}), 422, "bad_value")
+    refused(http.get(f"{sent.headers['location']}.csv"), 409, "not_ready")
+
+
 def test_metrics_and_health(http):
     assert http.get("/healthz").json() == {"status": "ok", "version": jshell.__version__}
     text = http.get("/metrics").text

@@ -233,6 +233,22 @@ def test_the_client_gives_the_librarys_own_objects(served, fitted):
             client.fit(RECORDING, loss="strict", seconds=60)
 
 
+def test_the_modes_of_a_shell_are_found_and_shown(page, served):
+    with jshell.Client(served) as client:
+        found = client.modes(jshell.presets.R.conditions, elements=16, count=2, liquid="ideal", seconds=100)
+        job = next(client.jobs("modes"))
+    assert found == jshell.dynamics.modes(jshell.presets.R.conditions, elements=16, count=2, liquid="ideal").table()
+    page.goto(f"/modes/{job.id}")
+    assert f"{found[0].omega:.5g}" in page.locator("table").inner_text()
+    for button, address in (("Find its exact modes", "modes"), ("Run the full simulator", "simulations")):
+        page.goto("/simulate")
+        page.get_by_role("button", name=button).click()
+        page.wait_for_url(f"**/{address}/*")
+        expect(page.get_by_text("d̂ = 0.22").first).to_be_visible()
+        page.get_by_role("button", name="Cancel").click()
+        expect(page.get_by_text("cancelled").first).to_be_visible()
+
+
 def archived(client: jshell.Client, records: Recordings, path: Path, sound: int) -> BatchResult:
     """What comes of the records as trace files, all but the first few of them spoiled."""
     with zipfile.ZipFile(path, "w") as archive:
