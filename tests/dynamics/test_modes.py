@@ -278,11 +278,11 @@ def test_the_old_switch_answers(R, layered_R):
 def test_a_held_shell_rings_as_another_code_says(R, viscous):
     """The reference holds the pad where the free shell's rest shape has it; the edge is resolved by small elements."""
     known = viscous["R_attached"]
-    shape, edge = cached_meridian(32, known["pad"]), cached_meridian(32, known["pad"]).edge
+    shape, edge = cached_meridian(48, known["pad"]), cached_meridian(48, known["pad"]).edge
     free = rest(R, elements=48)
     # elements shrink towards the edge from both sides, by 0.7 each
-    sizes = np.diff(np.asarray(rest(R, elements=32, attached=known["pad"]).meridian.nodes))
-    near = np.maximum(6 - np.abs(np.arange(32) + 0.5 - edge) + 0.5, 0)
+    sizes = np.diff(np.asarray(rest(R, elements=48, attached=known["pad"]).meridian.nodes))
+    near = np.maximum(10 - np.abs(np.arange(48) + 0.5 - edge) + 0.5, 0)
     sizes = sizes * 0.7**near
     for part, length in ((slice(0, edge), np.pi - known["pad"]), (slice(edge, None), known["pad"])):
         sizes[part] *= length / sizes[part].sum()
