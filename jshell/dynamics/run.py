@@ -106,6 +106,44 @@ class Pace(NamedTuple):
     follow: bool
     shapes: bool
 
+    @property
+    def stretch(self) -> int:
+        """Samples between two moves of the nodes."""
+        return max(1, round(FOLLOW_EVERY / self.every)) if self.follow else 1
+
+
+class Schedule(NamedTuple):
+    """What the outer pressure does over a run: at every step, at the end of every sample, and whether it rests there.
+
+    Numbers, and not the law that they came from: every law then shares one compiled program.
+    """
+
+    loads: Loads
+    after: Float[Array, "samples"]
+    held: Array
+
+    def part(self, start: int, stop: int) -> "Schedule":
+        """That of the samples from one number to another."""
+        return jax.tree.map(lambda values: values[start:stop], self)
+
+
+def schedule(protocol: Pressure, count: int, pace: Pace) -> Schedule:
+    """The outer pressure of a whole run of `count` samples."""
+    h = pace.every / pace.inner
+    stage = h / (1 + RADIUS)
+
+    def step(k, i):
+        t = k * pace.every + i * h
+        return Loads(protocol(t), protocol(t + stage), protocol(t + h))
+
+    def sample(k):
+        after = protocol(k * pace.every + pace.every)
+        return after, protocol(k * pace.every + 2 * pace.every) == after
+
+    numbers = jnp.arange(count)
+    loads = jax.vmap(lambda k: jax.vmap(lambda i: step(k, i))(jnp.arange(pace.inner)))(numbers)
+    return Schedule(loads, *jax.vmap(sample)(numbers))
+
 
 def body_of(setup: Setup, shape: Meridian) -> Body:
     """The body on a discretisation."""
@@ -123,32 +161,34 @@ def body_of(setup: Setup, shape: Meridian) -> Body:
 
 
 @eqx.filter_jit
-def begin(setup: Setup, q, u, protocol: Pressure) -> tuple[Progress, Float[Array, "channels"]]:
+def begin(setup: Setup, q, u, pressure: Scalar) -> tuple[Progress, Float[Array, "channels"]]:
     """The beginning of a run, and its first sample."""
-    body, now = body_of(setup, setup.shape), jnp.asarray(0.0)
-    state = launch(body, q, u, protocol(now), setup.area)
+    body = body_of(setup, setup.shape)
+    state = launch(body, q, u, pressure, setup.area)
     never = jnp.asarray(jnp.inf)
     events = Events(never, never, never, never, jnp.asarray(1.0))
     progress = Progress(setup.shape.nodes, state, jnp.asarray(int(Outcome.OK)), events)
-    return progress, _sample(body, state, protocol(now), setup.area)
+    return progress, _sample(body, state, pressure, setup.area)
 
 
 @eqx.filter_jit
 def go_on(
-    setup: Setup, progress: Progress, protocol: Pressure, first: Int[Array, ""] | int, count: int, pace: Pace
+    setup: Setup, progress: Progress, ahead: Schedule, first: Int[Array, ""], pace: Pace
 ) -> tuple[Progress, Sample]:
-    """Take `count` samples after the sample number `first`."""
+    """Take the samples of a schedule after the sample number `first`; whole stretches where the nodes follow."""
+    count = ahead.after.shape[0]
+    numbers = first + jnp.arange(count)
     if not pace.follow:
-        return _stretch(setup, body_of(setup, setup.shape), progress, protocol, first, count, pace)
-    length = max(1, round(FOLLOW_EVERY / pace.every))
+        return _stretch(setup, body_of(setup, setup.shape), progress, ahead, numbers, pace)
 
-    def stretch(progress, k):
-        body, progress = _follow(setup, progress, protocol(k * pace.every))
-        return _stretch(setup, body, progress, protocol, k, length, pace)
+    def stretch(progress, part):
+        ahead, numbers = part
+        body, progress = _follow(setup, progress, ahead.loads.start[0, 0])
+        return _stretch(setup, body, progress, ahead, numbers, pace)
 
-    numbers = first + length * jnp.arange(-(-count // length))
-    progress, samples = jax.lax.scan(jax.checkpoint(stretch), progress, numbers)
-    return progress, jax.tree.map(lambda x: x.reshape((x.shape[0] * length, *x.shape[2:]))[:count], samples)
+    parts = jax.tree.map(lambda x: x.reshape((-1, pace.stretch, *x.shape[1:])), (ahead, numbers))
+    progress, samples = jax.lax.scan(jax.checkpoint(stretch), progress, parts)
+    return progress, jax.tree.map(lambda x: x.reshape((count, *x.shape[2:])), samples)
 
 
 def _follow(setup: Setup, progress: Progress, pressure) -> tuple[Body, Progress]:
@@ -173,21 +213,18 @@ def _follow(setup: Setup, progress: Progress, pressure) -> tuple[Body, Progress]
     return body, progress._replace(nodes=breaks, state=state)
 
 
-def _stretch(setup: Setup, body: Body, progress: Progress, protocol: Pressure, first, count: int, pace: Pace):
+def _stretch(setup: Setup, body: Body, progress: Progress, ahead: Schedule, numbers, pace: Pace):
     h = pace.every / pace.inner
-    stage = h / (1 + RADIUS)
     harmless = progress.state
-    loads = lambda t: Loads(protocol(t), protocol(t + stage), protocol(t + h))  # noqa: E731
 
-    def steps(carry, k):
-        t = k * pace.every
+    def steps(carry, part):
+        k, now = part
 
-        def one(carry, i):
+        def one(carry, loads):
             state, outcome = carry
-            now = t + i * h
             alive = outcome == Outcome.OK
             safe = jax.tree.map(lambda a, b: jnp.where(alive, a, b), state, harmless)
-            following = advance(body, safe, loads(now), h, RADIUS, setup.area)
+            following = advance(body, safe, loads, h, RADIUS, setup.area)
             outcome = jnp.where(alive, _end(body, state, following), outcome)
             state = jax.tree.map(lambda a, b: jnp.where(outcome == Outcome.OK, a, b), following, state)
             return (state, outcome), None
@@ -195,17 +232,16 @@ def _stretch(setup: Setup, body: Body, progress: Progress, protocol: Pressure, f
         # a step is computed again on the way back: the states between are all that is kept
         again = jax.checkpoint(one, prevent_cse=False)
         progress = carry
-        (state, outcome), _ = jax.lax.scan(again, (progress.state, progress.outcome), jnp.arange(pace.inner))
-        pressure = protocol(t + pace.every)
+        (state, outcome), _ = jax.lax.scan(again, (progress.state, progress.outcome), now.loads)
         good = outcome == Outcome.OK
-        channels = _sample(body, state, pressure, setup.area)
+        channels = _sample(body, state, now.after, setup.area)
         channels = jnp.where(good, channels, jax.lax.stop_gradient(channels))
-        steady = protocol(t + 2 * pace.every) == pressure
-        events = _watch(body, state, channels, progress.events, good, t + pace.every, steady, pace.every)
+        t = k * pace.every + pace.every
+        events = _watch(body, state, channels, progress.events, good, t, now.held, pace.every)
         kept = (state.q, velocity(state, RADIUS), body.shape.nodes) if pace.shapes else (jnp.zeros(0),) * 3
         return Progress(progress.nodes, state, outcome, events), Sample(channels, good, *kept)
 
-    return jax.lax.scan(steps, progress, first + jnp.arange(count))
+    return jax.lax.scan(steps, progress, (numbers, ahead))
 
 
 def _end(body: Body, before: State, after: State) -> Int[Array, ""]:

@@ -23,7 +23,18 @@ from jshell.dynamics.checkpoint import Checkpoint
 from jshell.dynamics.ladder import Rung, climb
 from jshell.dynamics.losses import Losses
 from jshell.dynamics.protocol import Forced, Hold, Pressure, Ramp, Sampled
-from jshell.dynamics.run import CHANNELS, Pace, Progress, Sample, Setup, begin, body_of, go_on
+from jshell.dynamics.run import (
+    CHANNELS,
+    Pace,
+    Progress,
+    Sample,
+    Schedule,
+    Setup,
+    begin,
+    body_of,
+    go_on,
+    schedule,
+)
 from jshell.dynamics.starts import relax
 from jshell.dynamics.validity import TOLERATED, series_error, warn_of_thick_layer
 from jshell.errors import BadShape, BadValue, Outcome
@@ -35,7 +46,8 @@ from jshell.shell.parameters import Number, Reduced, check
 from jshell.trace import Trace, Values
 
 LONGEST_STEP = 1 / 60  # [time unit]: a kicked shell keeps its energy to 1e-4 over ten periods
-CHUNK = 200  # samples between two reports of progress
+CHUNK = 20  # samples that one program takes: runs of any length share it
+REPORT = 10  # chunks between two reports of progress
 
 
 class Motion(eqx.Module):
@@ -226,14 +238,18 @@ def _run(
         q = relax(body_of(setup, shape), q + move, protocol(jnp.asarray(0.0)), area)
 
     count = round(duration / every)
-    pace = Pace(float(every), math.ceil(every / step - 1e-9), bool(follow), shapes)
-    began, first = begin(setup, q, kick, protocol)
-    opening = Sample(first, jnp.asarray(True), *((q, kick, shape.nodes) if shapes else (jnp.zeros(0),) * 3))
-    if checkpoint is None and progress is None:
-        state, samples = go_on(setup, began, protocol, jnp.asarray(0), count, pace)
+    traced = any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((setup, q, kick, protocol)))
+    # outside a trace one program serves all runs: those that keep no shapes have them and drop them
+    pace = Pace(float(every), math.ceil(every / step - 1e-9), bool(follow), shapes or not traced)
+    # where the nodes follow the rim, the last stretch is run to its end and then cut
+    ahead = schedule(protocol, pace.stretch * math.ceil(count / pace.stretch), pace)
+    began, first = begin(setup, q, kick, protocol(jnp.asarray(0.0)))
+    opening = Sample(first, jnp.asarray(True), *((q, kick, shape.nodes) if pace.shapes else (jnp.zeros(0),) * 3))
+    if traced:
+        state, samples = go_on(setup, began, ahead, jnp.asarray(0), pace)
     else:
-        state, samples = _in_chunks(setup, began, protocol, count, pace, checkpoint, progress)
-    samples = jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), opening, samples)
+        state, samples = _in_chunks(setup, began, ahead, pace, checkpoint, progress)
+    samples = jax.tree.map(lambda a, b: jnp.concatenate([a[None], b[:count]]), opening, samples)
     trace = _trace(setup, state, samples, every, count, every / pace.inner, steady, follow, throw)
     if setup.losses.second and not isinstance(trace["V"], Tracer):
         error = series_error(trace)
@@ -252,21 +268,23 @@ def _protocol(steady: Pressure, pressure, forcing) -> Pressure:
     return steady if forcing is None else Forced(steady, forcing)
 
 
-def _in_chunks(setup, began, protocol, count, pace, checkpoint, report) -> tuple[Progress, Sample]:
-    """The run in pieces, each kept in a file and reported; the same numbers as in one piece."""
-    file = None if checkpoint is None else Checkpoint(Path(checkpoint), (setup, protocol, count, pace))
-    state, parts, done = began, [], 0
+def _in_chunks(setup, began, ahead: Schedule, pace, checkpoint, report) -> tuple[Progress, Sample]:
+    """The run in pieces of one length, kept in a file and reported now and then; the same numbers as in one piece."""
+    file = None if checkpoint is None else Checkpoint(Path(checkpoint), (setup, ahead, pace))
+    state, parts, done, count = began, [], 0, ahead.after.shape[0]
     if file is not None:
         state, parts, done = file.load(began, parts)
+    size = pace.stretch * max(1, CHUNK // pace.stretch)
     while done < count:
-        size = min(CHUNK, count - done)
-        state, samples = go_on(setup, state, protocol, jnp.asarray(done), size, pace)
+        state, samples = go_on(setup, state, ahead.part(done, done + size), jnp.asarray(done), pace)
         parts.append(samples)
-        done += size
-        if file is not None:
-            file.save(state, parts, done)
-        if report is not None:
-            report(done / count)
+        # a run that ended has nothing more to say
+        done = min(done + size, count) if int(state.outcome) == Outcome.OK else count
+        if done == count or done // size % REPORT == 0:
+            if file is not None:
+                file.save(state, parts, done)
+            if report is not None:
+                report(done / count)
     return state, jax.tree.map(lambda *pieces: jnp.concatenate([jnp.asarray(p) for p in pieces]), *parts)
 
 

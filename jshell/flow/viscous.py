@@ -32,6 +32,7 @@ Source     Pozrikidis, Boundary Integral and Singularity Methods, ch. 7; Kim and
 
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import jax.scipy.linalg as jsl
@@ -206,6 +207,7 @@ class ViscousLiquid(NamedTuple):
     strain: Float[Array, "coordinates coordinates"]
 
 
+@eqx.filter_jit
 def viscous_liquid(shape: Meridian, q: Float[Array, "coordinates"], current: Flow | None = None) -> ViscousLiquid:
     """The liquid around a wall at rest.
 
@@ -280,6 +282,7 @@ def _vorticity(
     return operator, along - drawn @ liquid.potential
 
 
+@eqx.filter_jit
 def impedance(liquid: ViscousLiquid, decay: Complex[Array, ""]) -> Complex[Array, "coordinates coordinates"]:
     """Z/η̂ at one rate, complex symmetric [R0]: the liquid adds s Z u to the forces K u of the wall.
 

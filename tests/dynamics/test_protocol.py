@@ -77,8 +77,9 @@ def test_a_run_goes_on_from_its_file_bit_for_bit(R, tmp_path, monkeypatch):
     import importlib
 
     module = importlib.import_module("jshell.dynamics.simulate")
-    monkeypatch.setattr(module, "CHUNK", 8)
-    whole = simulate(R, ramp=0.5, checkpoint=tmp_path / "whole.npz", **SHORT)
+    monkeypatch.setattr(module, "REPORT", 1)
+    longer = SHORT | {"duration": 4.0}
+    whole = simulate(R, ramp=0.5, checkpoint=tmp_path / "whole.npz", **longer)
 
     class Killed(Exception):
         pass
@@ -89,17 +90,17 @@ def test_a_run_goes_on_from_its_file_bit_for_bit(R, tmp_path, monkeypatch):
 
     path = tmp_path / "run.npz"
     with pytest.raises(Killed):
-        simulate(R, ramp=0.5, checkpoint=path, progress=die, **SHORT)
+        simulate(R, ramp=0.5, checkpoint=path, progress=die, **longer)
     seen = []
-    again = simulate(R, ramp=0.5, checkpoint=path, progress=seen.append, **SHORT)
+    again = simulate(R, ramp=0.5, checkpoint=path, progress=seen.append, **longer)
     assert seen == [1.0]
     for name in whole.channels:
         np.testing.assert_array_equal(np.asarray(again[name]), np.asarray(whole[name]))
     with pytest.raises(BadFile, match="another run"):
-        simulate(R, ramp=0.6, checkpoint=path, **SHORT)
+        simulate(R, ramp=0.6, checkpoint=path, **longer)
     path.write_bytes(b"junk")
     with pytest.raises(BadFile, match="checkpoint"):
-        simulate(R, ramp=0.5, checkpoint=path, **SHORT)
+        simulate(R, ramp=0.5, checkpoint=path, **longer)
     assert path.read_bytes() == b"junk"
 
 

@@ -16,16 +16,12 @@ DECAYS = [117 * np.exp(0.26j * np.pi), 40 * np.exp(0.27j * np.pi), 16 * np.exp(0
           0.88 * np.exp(0.25j * np.pi), 0.01 + 0j]  # fmt: skip
 
 
-# compiled once for all tests of one mesh
-LIQUID, RESISTANCE = eqx.filter_jit(viscous_liquid), eqx.filter_jit(impedance)
-
-
 class OnSphere:
     """A sphere's liquid, and its spherical harmonics as motions: radial P_n and tangential dP_n/dθ."""
 
     def __init__(self, elements: int) -> None:
         self.shape = meridian(elements)
-        self.liquid = LIQUID(self.shape, self.shape.sphere)
+        self.liquid = viscous_liquid(self.shape, self.shape.sphere)
 
     def motions(self, n: int) -> np.ndarray:
         angles, P = np.asarray(self.shape.angles), Legendre.basis(n)
@@ -64,7 +60,7 @@ def sphere():
 
 @pytest.fixture(scope="module")
 def resistances(sphere):
-    return np.stack([np.asarray(RESISTANCE(sphere.liquid, jnp.asarray(decay))) for decay in DECAYS])
+    return np.stack([np.asarray(impedance(sphere.liquid, jnp.asarray(decay))) for decay in DECAYS])
 
 
 @pytest.mark.parametrize("n", ORDERS)
@@ -87,14 +83,14 @@ def test_spheroids_feel_stokes_drag(stretch, drag, sphere):
     """Moving along the axis, equatorial radius 1; Happel and Brenner. At a low rate: + λ F²/(6π) of the drag F."""
     shape, decay = sphere.shape, 1e-3
     q = jnp.concatenate([stretch * shape.sphere[: shape.x_size], shape.sphere[shape.x_size :]])
-    Z = RESISTANCE(LIQUID(shape, q), jnp.asarray(decay + 0j))
+    Z = impedance(viscous_liquid(shape, q), jnp.asarray(decay + 0j))
     found = float((shape.shift @ Z @ shape.shift).real)
     # seven digits are known; the next term in λ is of order 1e-6
     assert found == pytest.approx(drag + decay * drag**2 / (6 * np.pi), rel=1e-5)
 
 
 def test_impedance_is_symmetric_and_takes_energy(sphere):
-    Z = np.asarray(RESISTANCE(sphere.liquid, jnp.asarray(3.0 + 0j)))
+    Z = np.asarray(impedance(sphere.liquid, jnp.asarray(3.0 + 0j)))
     np.testing.assert_allclose(Z, Z.T, rtol=0, atol=1e-12 * np.abs(Z).max())
     for n in ORDERS:
         motions = sphere.motions(n)

@@ -30,6 +30,7 @@ def ring_down(p):
     return J, J
 
 
+@pytest.mark.slow
 def test_derivatives_of_a_ring_down_equal_central_differences():
     differentiated = jax.jit(jax.jacfwd(ring_down, has_aux=True))  # one program: compiling costs more than tangents
     slope = np.asarray(differentiated(jnp.asarray(R))[0])
