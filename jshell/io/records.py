@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from jshell.errors import BadFile, MissingExtra
+from jshell.files import NamedBytes, Source
 from jshell.shell.parameters import Reduced, Scales
 from jshell.trace import Trace
 
@@ -32,9 +33,9 @@ def write_record(path: str | Path, kind: str, content: Mapping[str, Any]) -> Pat
         BadFile: Nothing can be written there.
     """
     path = Path(path)
-    whole = {"format": FORMAT, "schema": SCHEMA, "kind": kind, **plain(dict(content))}
+    whole = encode_record(kind, content)
     try:
-        path.write_text(json.dumps(whole, ensure_ascii=False, allow_nan=False, indent=1) + "\n", encoding="utf-8")
+        path.write_bytes(whole)
     except OSError as error:
         raise BadFile(
             str(path), found=error.strerror or "an error", expected="a file in a folder that exists", remedy="Check it."
@@ -42,34 +43,41 @@ def write_record(path: str | Path, kind: str, content: Mapping[str, Any]) -> Pat
     return path
 
 
-def read_record(path: str | Path, kind: str) -> dict[str, Any]:
-    """Read a record of a kind.
+def encode_record(kind: str, content: Mapping[str, Any]) -> bytes:
+    """A record as the file that `write_record` would write, without writing it."""
+    whole = {"format": FORMAT, "schema": SCHEMA, "kind": kind, **plain(dict(content))}
+    return (json.dumps(whole, ensure_ascii=False, allow_nan=False, indent=1) + "\n").encode()
+
+
+def read_record(source: Source, kind: str) -> dict[str, Any]:
+    """Read a record of a kind, from a file or from a name with bytes.
 
     Raises:
         BadFile: No such file, not JSON, not a record, another kind, or a schema of a later jshell.
     """
-    path = Path(path)
+    place = str(source)
     try:
-        whole = json.loads(path.read_text(encoding="utf-8"))
+        content = source.content if isinstance(source, NamedBytes) else Path(source).read_bytes()
+        whole = json.loads(bytes(content).decode())
     except OSError as error:
-        raise BadFile(str(path), found=error.strerror or "an error", expected="a file", remedy="Check it.") from error
+        raise BadFile(place, found=error.strerror or "an error", expected="a file", remedy="Check it.") from error
     except (json.JSONDecodeError, UnicodeDecodeError) as error:
         raise BadFile(
-            str(path), found=f"no JSON ({error})", expected="a record", remedy="Save the result again."
+            place, found=f"no JSON ({error})", expected="a record", remedy="Save the result again."
         ) from error
     if not isinstance(whole, dict) or whole.get("format") != FORMAT:
         raise BadFile(
-            str(path), found="JSON of another make", expected=f"format {FORMAT!r}", remedy="Write it with result.save."
+            place, found="JSON of another make", expected=f"format {FORMAT!r}", remedy="Write it with result.save."
         )
     if whole.get("schema") != SCHEMA:
         raise BadFile(
-            str(path),
+            place,
             found=f"schema {whole.get('schema')!r}",
             expected=f"schema {SCHEMA}",
             remedy="Read it with the jshell that wrote it, or a later one.",
         )
     if whole.get("kind") != kind:
-        raise BadFile(str(path), found=f"a record of kind {whole.get('kind')!r}", expected=kind, remedy="Check it.")
+        raise BadFile(place, found=f"a record of kind {whole.get('kind')!r}", expected=kind, remedy="Check it.")
     return whole
 
 

@@ -6,7 +6,6 @@ Idempotency-Key, so that it is one job; a full queue is waited for.
 
 import json
 import os
-import tempfile
 import time
 import uuid
 from collections.abc import Iterator, Mapping, Sequence
@@ -21,6 +20,7 @@ from jshell.calibration import BatchResult, FitResult, Recordings, load
 from jshell.calibration.recordings import gathered
 from jshell.dynamics import Mode
 from jshell.errors import BadValue, JshellError, MissingExtra, NotOk
+from jshell.files import NamedBytes
 from jshell.service import batches, parts, sending
 from jshell.service.settings import HELD
 from jshell.shell import Reduced
@@ -220,7 +220,7 @@ class Client:
             **options: Those of `fit_batch`, in plain values.
         """
         if isinstance(traces, str | Path):
-            return self._submit_batch(Path(traces).name, sending.content(Path(traces)), key, options)
+            return self._submit_batch(*sending.content(traces), key, options)
         records = traces if isinstance(traces, Recordings) else gathered(list(traces))
         return self._submit_batch("batch.npz", batches.pack(records), key, options)
 
@@ -268,7 +268,7 @@ class Client:
         if isinstance(trace, Trace):
             name, content = sending.written(trace)
         else:
-            name, content = Path(trace).name, sending.content(Path(trace))
+            name, content = sending.content(trace)
         data = {} if conditions is None else {"conditions": json.dumps(dict(conditions))}
         return self._send("POST", "/traces", files={"file": (name, content)}, data=data).json()["id"]
 
@@ -305,10 +305,8 @@ class Client:
         content = self._send("GET", f"/{PLURAL[kind]}/{id}.json").content
         if kind == "modes":
             return tuple(Mode(**row) for row in json.loads(content))
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "record.json"
-            path.write_bytes(content)
-            return load(path) if kind == "fit" else io.read_trace(path)
+        file = NamedBytes("record.json", content)
+        return load(file) if kind == "fit" else io.read_trace(file)
 
     def profile(self, job: Job | str) -> dict[str, Any] | None:
         """Profile intervals of a fit, where they were asked for; as `Profile.record()` says them."""

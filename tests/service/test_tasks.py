@@ -225,20 +225,6 @@ def test_parts_of_a_batch_are_the_whole_to_the_bit(monkeypatch):
     same(parts.placed(found, again, fit_batch(parts.chosen(records, again), seed=3)), expected)
 
 
-@pytest.mark.parametrize("small", [2**20, 100])
-def test_small_files_of_a_batch_are_laid_in_memory_and_large_ones_on_the_disk(noisy, tmp_path, monkeypatch, small):
-    memory, seen = tmp_path / "memory", []
-    memory.mkdir()
-    monkeypatch.setattr(tasks, "MEMORY", memory)
-    monkeypatch.setattr(tasks, "SMALL", small)
-    monkeypatch.setattr(tasks.io, "read_trace", lambda path, **_: seen.append(path) or noisy)
-    answer = tasks.run("batch", {}, [("a.csv", bytes(200)), ("b.csv", bytes(300))])
-    assert answer.fault is None, answer.fault
-    assert [memory in path.parents for path in seen] == [small > 200] * 2
-    assert not any(path.exists() for path in seen)
-    assert not list(memory.iterdir())
-
-
 def test_a_bad_file_of_an_archive_costs_its_own_row(noisy, tmp_path, monkeypatch):
     def numbered(records, **options):
         return dataclasses.replace(fit_batch(records, **options), n_data=np.array([40, 42]))
