@@ -26,7 +26,7 @@ from jshell.campaigns.perform import Result
 from jshell.campaigns.planned import Run
 from jshell.campaigns.store import Store
 from jshell.campaigns.writing import read_design
-from jshell.errors import BadFile, BadName, MissingExtra, Outcome
+from jshell.errors import BadFile, Outcome, choose, require_extra
 
 if TYPE_CHECKING:
     import xarray
@@ -79,10 +79,8 @@ class Catalog:
         if isinstance(name, int | np.integer):
             return self.results[int(name)]
         rows = self.rows()
-        if rows and name not in rows[0]:
-            raise BadName(
-                f"column {name!r}", found="no such column", expected="one of " + ", ".join(rows[0]), remedy="Check it."
-            )
+        if rows:
+            choose("column", name, rows[0])
         values = [row[name] for row in rows]
         if any(isinstance(value, str) for value in values):
             return np.array(values)
@@ -95,10 +93,8 @@ class Catalog:
             BadName: No such family or column.
         """
         known = dict.fromkeys(name for names in self.families for name in names)
-        if family is not None and family not in known:
-            raise BadName(
-                f"family {family!r}", found="no such family", expected="one of " + ", ".join(known), remedy="Check it."
-            )
+        if family is not None:
+            choose("family", family, known)
         keep = np.array([family is None or family in names for names in self.families], dtype=bool)
         for name, value in equal.items():
             column = self[name]
@@ -138,15 +134,7 @@ class Catalog:
         Raises:
             MissingExtra: Without the extra `io`.
         """
-        try:
-            import xarray
-        except ImportError:
-            raise MissingExtra(
-                "Catalog.to_xarray",
-                found="no xarray",
-                expected="the extra `io`",
-                remedy="Install it: pip install 'jshell[io]'.",
-            ) from None
+        xarray = require_extra("xarray", "io", "Catalog.to_xarray")
         table = {name: (("run",), self[name]) for name in self.columns if name != "key"}
         data = xarray.Dataset(table, {"key": (("run",), self["key"])} if self.results else {}, {"name": self.name})
         if not records:

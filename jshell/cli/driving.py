@@ -10,7 +10,7 @@ from jshell import io
 from jshell.cli.problem import Problem
 from jshell.dynamics import Losses
 from jshell.dynamics.losses import STOKES
-from jshell.errors import BadFile, BadName, BadValue
+from jshell.errors import BadFile, BadValue, choose
 from jshell.files import NamedBytes
 from jshell.io.headers import si_pairs
 from jshell.membrane import WallLoss
@@ -146,8 +146,7 @@ def losses(
             a layer.
     """
     chosen = stokes if stokes is not None else ("memory" if frequency is None else "frequency")
-    if chosen not in STOKES:
-        raise BadName("--stokes", found=repr(chosen), expected="one of " + ", ".join(STOKES), remedy="memory is usual.")
+    choose("--stokes", chosen, STOKES, remedy="memory is usual.")
     if (chosen == "frequency") != (frequency is not None):
         raise BadValue(
             "--stokes-frequency",

@@ -17,7 +17,6 @@ from jshell.files import Source
 from jshell.io.files import read_text, short
 from jshell.io.sheets import NUMBER, Entry
 from jshell.shell.parameters import Gas, Liquid, Load, Number, Reduced, Scales, Shell, scales
-from jshell.trace import CONDITION_FIELDS
 
 REDUCED_KEYS = ("d_hat", "P0_hat", "Pext_hat", "eta_hat")
 SI_KEYS = ("R0_m", "d_m", "E_Pa", "P0_Pa", "Pext_Pa", "rho_f_kg_m3", "eta_f_Pa_s")
@@ -158,7 +157,7 @@ def conditions(entries: Sequence[Entry], source: str) -> tuple[Reduced | None, S
         )
     number = {key: _number(entry) for key, entry in given.items()}
     try:
-        return _si_problem(number) if si else (_reduced_problem(number), None)
+        return _si_problem(number) if si else (Reduced.from_dict(number), None)
     except BadValue as error:
         raise _placed(error, given, source) from None
     except ArithmeticError:
@@ -231,7 +230,8 @@ def refuse_equals_signs(comments: Sequence[Entry]) -> None:
 
 def reduced_pairs(problem: Reduced) -> list[tuple[str, str]]:
     """Keys and values of a problem without units."""
-    return _written(tuple(CONDITION_FIELDS), [getattr(problem, name) for name in CONDITION_FIELDS.values()])
+    numbers = problem.as_dict()
+    return _written(tuple(numbers), tuple(numbers.values()))
 
 
 def si_pairs(problem: Reduced, unit: Scales) -> list[tuple[str, str]]:
@@ -244,10 +244,6 @@ def si_pairs(problem: Reduced, unit: Scales) -> list[tuple[str, str]]:
 
 def _written(keys: Sequence[str], numbers: Sequence[Number]) -> list[tuple[str, str]]:
     return [(key, repr(float(number))) for key, number in zip(keys, numbers, strict=True)]
-
-
-def _reduced_problem(number: dict[str, float]) -> Reduced:
-    return Reduced(**{CONDITION_FIELDS[key]: value for key, value in number.items()})
 
 
 def _si_problem(number: dict[str, float]) -> tuple[Reduced, Scales]:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from jshell.errors import BadFile, MissingExtra
+from jshell.errors import BadFile, require_extra
 from jshell.files import NamedBytes
 from jshell.io.arrays import SETTINGS, check_array, refuse_names, settings_text, sheet_of
 from jshell.io.files import SPOILED, check_size, looks_like, spoiled
@@ -32,7 +32,7 @@ def read(source: NamedBytes, required: Sequence[str] = ()) -> Sheet:
         BadFile: No NetCDF 4, packed numbers or fill values, several dimensions, links to other files, or too large.
         MissingExtra: h5netcdf is not installed.
     """
-    _h5netcdf()
+    require_extra("h5netcdf", "io", "NetCDF files")
     import h5py  # the library under h5netcdf: it tells where the numbers lie before any is read
 
     start = bytes(source.content[:16])
@@ -97,7 +97,7 @@ def encode(sheet: Sheet) -> bytes:
         BadName: A name that NetCDF does not allow.
         MissingExtra: h5netcdf is not installed.
     """
-    h5netcdf = _h5netcdf()
+    h5netcdf = require_extra("h5netcdf", "io", "NetCDF files")
     refuse_names(sheet, [name for name in sheet.names if not NAME.fullmatch(name)], "a word without slashes")
     pure = all(unit is None for unit in sheet.units)
     rest = [item for item in sheet.entries if item.key not in (*CONDITION_KEYS, "outcome")]
@@ -144,16 +144,3 @@ def _array(value: Any) -> np.ndarray:
 
 def _text(value: Any) -> str:
     return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
-
-
-def _h5netcdf() -> Any:
-    try:
-        import h5netcdf
-    except ImportError:
-        raise MissingExtra(
-            "NetCDF files",
-            found="no h5netcdf",
-            expected="the extra `io`",
-            remedy="Install it: pip install 'jshell[io]'.",
-        ) from None
-    return h5netcdf

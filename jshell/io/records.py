@@ -12,12 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from jshell.errors import BadFile, MissingExtra
+from jshell.errors import BadFile, require_extra
 from jshell.files import NamedBytes, Source
-from jshell.shell.parameters import Reduced, Scales
+from jshell.shell.parameters import CONDITION_FIELDS, Reduced, Scales
 from jshell.trace import Trace
 
 SCHEMA = 1
+CONDITIONS = tuple(CONDITION_FIELDS.values())
 FORMAT = "jshell record"
 
 
@@ -128,7 +129,6 @@ def trace_record(trace: Trace) -> dict[str, Any]:
     }
 
 
-CONDITIONS = ("thickness", "gas_pressure", "outer_pressure", "viscosity", "kappa", "poisson_ratio")
 SCALES = ("length", "pressure", "density")
 
 
@@ -159,13 +159,8 @@ def write_groups(
     Raises:
         MissingExtra: xarray or h5netcdf is not installed.
     """
-    try:
-        import h5netcdf  # noqa: F401
-        import xarray
-    except ImportError:
-        raise MissingExtra(
-            "NetCDF", found="no xarray and h5netcdf", expected="the extra `io`", remedy="pip install 'jshell[io]'"
-        ) from None
+    require_extra("h5netcdf", "io", "NetCDF")
+    xarray = require_extra("xarray", "io", "NetCDF")
     tree = {f"/{name}": xarray.Dataset(dict(rows)) for name, rows in groups.items()}
     tree["/"] = xarray.Dataset(attrs=facts)
     xarray.DataTree.from_dict(tree).to_netcdf(Path(path), engine="h5netcdf")

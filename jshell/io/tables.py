@@ -15,7 +15,7 @@ from pathlib import Path
 import jax
 import numpy as np
 
-from jshell.errors import BadFile, BadName, BadShape, BadUnits, BadValue, Outcome
+from jshell.errors import BadFile, BadName, BadShape, BadUnits, BadValue, Outcome, choose
 from jshell.files import NamedBytes, Source
 from jshell.io import headers
 from jshell.io.columns import Columns, check_finite, check_roles, check_times, check_values, dimensionless
@@ -23,7 +23,7 @@ from jshell.io.formats import encode_sheet, read_sheet, write_sheet
 from jshell.io.plausibility import warn_of_slips
 from jshell.io.sheets import HALVES, Entry, Sheet, entry
 from jshell.io.units import SIGMA, dimension_of, si_unit
-from jshell.shell.parameters import Reduced, Scales
+from jshell.shell.parameters import CONDITION_FIELDS, Reduced, Scales
 from jshell.trace import Trace, Values
 
 
@@ -156,11 +156,12 @@ def encode_trace(name: str, trace: Trace, units: str = "reduced") -> NamedBytes:
 
 
 def _sheet_of_trace(file: str, trace: Trace, units: str) -> Sheet:
+    choose("units", units, ("reduced", "si"), expected="reduced or si")
     columns = _checked(trace)
     spelled: tuple[str | None, ...] = tuple(None for _ in columns)
     if units == "reduced":
         header = [] if trace.conditions is None else headers.reduced_pairs(trace.conditions)
-    elif units == "si":
+    else:
         if trace.scales is None or trace.conditions is None:
             missing = "scales" if trace.scales is None else "conditions"
             raise BadUnits(
@@ -174,10 +175,6 @@ def _sheet_of_trace(file: str, trace: Trace, units: str) -> Sheet:
         with np.errstate(over="ignore", under="ignore"):
             columns = {name: values * trace.scales.of(dimension_of(name)) for name, values in columns.items()}
         check_finite(columns, _sample)
-    else:
-        raise BadName(
-            "argument `units`", found=repr(units), expected="reduced or si", remedy="Choose one of the two words."
-        )
     for key, value in trace.settings:
         _check_setting(key, value)
     header = [*header, ("outcome", Outcome(int(trace.outcome)).word), *trace.settings]
@@ -191,7 +188,7 @@ def _agreed(sheet: Sheet, extra: Sequence[Entry], meta: Source | None) -> tuple[
     other, other_unit = headers.conditions(extra, str(meta))
     if problem is None or other is None:
         return (other, other_unit) if problem is None else (problem, unit)
-    for name in ("thickness", "gas_pressure", "outer_pressure", "viscosity", "kappa", "poisson_ratio"):
+    for name in CONDITION_FIELDS.values():
         ours, theirs = getattr(problem, name), getattr(other, name)
         if not np.isclose(ours, theirs, rtol=1e-9, atol=0):
             raise BadValue(

@@ -18,10 +18,10 @@ from jshell.files import NamedBytes
 from jshell.io import read_trace
 from jshell.service import archives
 from jshell.service.archives import Content
-from jshell.shell import Reduced
+from jshell.shell.parameters import CONDITION_FIELDS, Reduced
 from jshell.trace import Trace
 
-CONDITIONS = ("thickness", "gas_pressure", "outer_pressure", "viscosity", "kappa", "poisson_ratio")
+CONDITIONS = tuple(CONDITION_FIELDS.values())
 LARGE = ("times", "values")
 FREE = "free_directions"
 FORMULA = ("=", "+", "-", "@", "\t", "\r")  # how a spreadsheet begins a formula

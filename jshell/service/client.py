@@ -19,12 +19,12 @@ from jshell import io
 from jshell.calibration import BatchResult, FitResult, Recordings, load
 from jshell.calibration.recordings import gathered
 from jshell.dynamics import Mode
-from jshell.errors import BadValue, JshellError, MissingExtra, NotOk
+from jshell.errors import BadValue, JshellError, NotOk, require_extra
 from jshell.files import NamedBytes
 from jshell.service import batches, parts, sending
 from jshell.service.settings import HELD
 from jshell.shell import Reduced
-from jshell.trace import CONDITION_FIELDS, Trace
+from jshell.trace import Trace
 
 if TYPE_CHECKING:
     import httpx
@@ -130,13 +130,7 @@ class Client:
     def __init__(
         self, url: str = LOCAL, *, token: str | None = None, timeout: float | int = 60.0, patience: float | int = 60.0
     ) -> None:
-        try:
-            import httpx
-        except ImportError:
-            raise MissingExtra(
-                "jshell.Client", found="no httpx", expected="the extra `service`",
-                remedy="Install it: pip install 'jshell[service]'.",
-            ) from None  # fmt: skip
+        httpx = require_extra("httpx", "service", "jshell.Client")
         token = os.environ.get("JSHELL_TOKEN") if token is None else token
         headers = {"Authorization": f"Bearer {token}"} if token else {}
         self.url, self.patience = url.rstrip("/"), patience
@@ -240,7 +234,7 @@ class Client:
             seconds: Longest time to wait.
             **options: `duration`, `ramp`, `elements`.
         """
-        asked = {key: float(getattr(conditions, field)) for key, field in CONDITION_FIELDS.items()}
+        asked = sending.numbers(conditions)
         sent = self._send("POST", "/simulate", json=asked | {"model": "simulator"} | sending.plain(options))
         return self._job(sent.json()).result(seconds)
 
@@ -252,7 +246,7 @@ class Client:
             seconds: Longest time to wait.
             **options: `liquid`, `count`, `elements`, `attached`, as in `jshell.dynamics.modes`.
         """
-        asked = {key: float(getattr(conditions, field)) for key, field in CONDITION_FIELDS.items()}
+        asked = sending.numbers(conditions)
         return self._job(self._send("POST", "/modes", json=asked | sending.plain(options)).json()).result(seconds)
 
     def upload(self, trace: Data, conditions: Mapping[str, float] | None = None) -> str:

@@ -17,7 +17,7 @@ import sqlalchemy as sa
 from sqlalchemy import event, exc
 from sqlalchemy.engine import make_url
 
-from jshell.errors import BadStore, BadValue, MissingExtra, StoreUnavailable
+from jshell.errors import BadStore, BadValue, StoreUnavailable, require_extra
 from jshell.service import tables
 from jshell.service.checkpoints import LONGEST, Checkpoints
 from jshell.service.statements import SERVER_CLOCK
@@ -188,14 +188,10 @@ class Database:
             )
 
     def _reach(self, url: sa.URL) -> sa.Engine:
-        try:
-            return sa.create_engine(
-                url, pool_size=8, max_overflow=56, pool_pre_ping=True, connect_args={"connect_timeout": int(PATIENCE)}
-            )
-        except ModuleNotFoundError as error:
-            raise MissingExtra(
-                "db", found=str(error), expected="the extra `service`", remedy="pip install 'jshell[service]'"
-            ) from None
+        require_extra(url.get_dialect().driver, "service", "db")
+        return sa.create_engine(
+            url, pool_size=8, max_overflow=56, pool_pre_ping=True, connect_args={"connect_timeout": int(PATIENCE)}
+        )
 
     @contextlib.contextmanager
     def _in_words(self) -> Iterator[None]:

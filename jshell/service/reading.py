@@ -18,7 +18,7 @@ from jshell.io.tables import trace_of_sheet
 from jshell.io.units import PURE
 from jshell.service.store import Store
 from jshell.shell.parameters import Reduced
-from jshell.trace import CONDITION_FIELDS, Trace
+from jshell.trace import Trace
 
 TEXT = ("", ".csv", ".txt", ".dat", ".tsv", ".tab")
 KEPT = 64  # traces that stay in memory once read
@@ -136,4 +136,4 @@ def conditions_of(problem: Reduced | None) -> dict[str, float] | None:
     """Conditions under the names that files have for them."""
     if problem is None:
         return None
-    return {key: float(getattr(problem, field)) for key, field in CONDITION_FIELDS.items()}
+    return {key: float(value) for key, value in problem.as_dict().items()}

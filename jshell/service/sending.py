@@ -13,6 +13,7 @@ from jshell.files import NamedBytes
 from jshell.io.files import read_bytes
 from jshell.service import archives, batches
 from jshell.service.parts import Whole
+from jshell.shell.parameters import Reduced
 from jshell.trace import Trace
 
 PIECE = 2**19  # bytes that are sent at once
@@ -42,6 +43,11 @@ def plain(options: Mapping[str, Any]) -> dict[str, Any]:
             )
         found[name] = value
     return found
+
+
+def numbers(conditions: Reduced) -> dict[str, float]:
+    """Conditions as JSON has them, under the keys of files."""
+    return {key: float(value) for key, value in conditions.as_dict().items()}
 
 
 def written(trace: Trace) -> NamedBytes:

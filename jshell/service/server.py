@@ -5,12 +5,13 @@ import socket
 import sys
 from collections.abc import Callable
 
-from jshell.errors import BadValue, MissingExtra
+from jshell.errors import BadValue, require_extra
 from jshell.service.settings import Settings
 
 HEADER = 16 * 1024  # bytes of a request's line and headers
 CONNECTIONS = 512  # open at the same time; more are told to come back
 IDLE = 15  # seconds that a quiet connection is kept
+PACKAGES = ("uvicorn", "fastapi", "sqlalchemy", "jinja2", "python_multipart")  # of the extra `service`
 
 
 def serve(settings: Settings, told: Callable[[str], None] | None = None) -> None:
@@ -25,18 +26,15 @@ def serve(settings: Settings, told: Callable[[str], None] | None = None) -> None
         BadStore, StoreUnavailable: As `Store.open`.
         MissingExtra: The extra `service` is not installed.
     """
-    try:
-        import uvicorn
+    for module in PACKAGES:
+        require_extra(module, "service", "jshell serve")
+    import uvicorn
 
-        from jshell.service.app import create_app
-        from jshell.service.safety import check_open
-        from jshell.service.store import Store
-        from jshell.service.worker import Worker
-    except ImportError as error:
-        raise MissingExtra(
-            "jshell serve", found=f"no {error.name}", expected="the extra `service`",
-            remedy="Install it: pip install 'jshell[service]'.",
-        ) from error  # fmt: skip
+    from jshell.service.app import create_app
+    from jshell.service.safety import check_open
+    from jshell.service.store import Store
+    from jshell.service.worker import Worker
+
     check_open(settings)
     listening = _listen(settings)
     store = Store.open(settings.db, queue=settings.queue, attempts=settings.attempts)

@@ -15,7 +15,7 @@ from typing import Any
 
 import sqlalchemy as sa
 
-from jshell.errors import BadName, BadStore, BadValue, NotFound, QueueFull, StoreUnavailable
+from jshell.errors import BadStore, BadValue, NotFound, QueueFull, StoreUnavailable, choose
 from jshell.service import statements, uploads
 from jshell.service.bell import Bell
 from jshell.service.database import Database
@@ -113,8 +113,7 @@ class Store:
             QueueFull: More jobs wait than may.
             StoreUnavailable: Nothing was accepted.
         """
-        if kind not in KINDS:
-            raise BadName(f"kind {kind!r}", found="no such kind", expected=", ".join(KINDS), remedy="Choose one.")
+        choose("kind", kind, KINDS)
         try:
             text = json.dumps(specification, sort_keys=True, ensure_ascii=False, allow_nan=False)
         except (TypeError, ValueError) as error:
@@ -174,8 +173,8 @@ class Store:
             BadName: No such state.
             NotFound: No such job to be before.
         """
-        if state is not None and state not in STATES:
-            raise BadName(f"state {state!r}", found="no such state", expected=", ".join(STATES), remedy="Choose one.")
+        if state is not None:
+            choose("state", state, STATES)
         asked = sa.select(jobs).order_by(jobs.c.number.desc()).limit(limit)
         with self.database.reading() as connection:
             if before is not None:

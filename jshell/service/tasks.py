@@ -21,7 +21,7 @@ import numpy as np
 from jshell import calibration, dynamics, io, oscillator
 from jshell.calibration.specification import Specification
 from jshell.calibration.stored import stored
-from jshell.errors import BadName, BadValue, JshellError, LimitReached
+from jshell.errors import BadValue, JshellError, LimitReached, choose
 from jshell.files import NamedBytes
 from jshell.io.files import bytes_written
 from jshell.io.records import encode_record, plain
@@ -172,10 +172,7 @@ def motion(specification: Mapping[str, Any]) -> Trace:
     model = asked.pop("model", "simulator")
     given = asked.pop("conditions", None)
     asked.pop("netcdf", None)
-    if model not in ("simulator", "oscillator"):
-        raise BadName(
-            f"model {model!r}", found="no such model", expected="simulator or oscillator", remedy="Choose one."
-        )
+    choose("model", model, ("simulator", "oscillator"), expected="simulator or oscillator")
     _known(asked, SIMULATOR if model == "simulator" else OSCILLATOR)
     conditions = _conditions(given)
     if model == "simulator":
@@ -233,13 +230,7 @@ def _warm() -> None:
 
 def _known(specification: Mapping[str, Any], names: frozenset[str]) -> None:
     for name in specification:
-        if name not in names:
-            raise BadName(
-                f"option {name!r}",
-                found="no such option of this job",
-                expected=", ".join(sorted(names)),
-                remedy="Leave it out, or choose one of these.",
-            )
+        choose("option", name, sorted(names), remedy="Leave it out, or choose one of these.")
 
 
 def _limits(pair: Sequence[float | int | None]) -> tuple[float, float]:

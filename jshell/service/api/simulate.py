@@ -14,7 +14,7 @@ from jshell.service.api.jobs import IdempotencyKey, accepted
 from jshell.service.jobs import simulator_specification
 from jshell.service.schemas import Conditions, JobOut, SimulateOut, SimulateRequest, finite
 from jshell.service.state import Here
-from jshell.shell.parameters import Reduced
+from jshell.shell.parameters import CONDITION_FIELDS, Reduced
 
 router = APIRouter(tags=["simulations"])
 ANSWERS = told(409, 429, made=(202,))
@@ -49,7 +49,7 @@ def constants(asked: SimulateRequest) -> tuple[Coefficients, Decay]:
 
 def conditions(asked: Conditions) -> Reduced:
     """The shell asked for."""
-    return Reduced(asked.d_hat, asked.P0_hat, asked.Pext_hat, asked.eta_hat, asked.kappa, asked.nu)
+    return Reduced.from_dict({key: getattr(asked, key) for key in CONDITION_FIELDS})
 
 
 def answered(asked: SimulateRequest) -> dict[str, Any]:

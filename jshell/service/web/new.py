@@ -10,7 +10,7 @@ from fastapi.responses import HTMLResponse, RedirectResponse
 from starlette.concurrency import run_in_threadpool
 
 from jshell.errors import BadFile, BadUnits, BadValue, JshellError
-from jshell.io.headers import SI_KEYS
+from jshell.io.headers import REDUCED_KEYS, SHARED_KEYS, SI_KEYS
 from jshell.quantities import QUANTITIES
 from jshell.service.jobs import fit_specification, packed
 from jshell.service.preview import Preview, preview
@@ -23,8 +23,6 @@ from jshell.service.web.templates import shown
 
 router = APIRouter(include_in_schema=False, default_response_class=HTMLResponse)
 EXAMPLE = "attached_R_HW.csv"
-REDUCED = ("d_hat", "P0_hat", "Pext_hat", "eta_hat")
-SHARED = ("kappa", "nu")
 MOST_FILES = 200
 _SI_WORDS = {
     "R0_m": "radius R₀ [m]",
@@ -122,7 +120,7 @@ async def give_conditions(request: Request, here: Here) -> Response:
 def _given(request: Request, here: Service, traces: list[str], fields: dict[str, str]) -> Response:
     try:
         numbers = {}
-        for key in (*REDUCED, *SI_KEYS, *SHARED):
+        for key in (*REDUCED_KEYS, *SI_KEYS, *SHARED_KEYS):
             text = fields.get(key, "").strip().replace(",", ".")
             if text:
                 numbers[key] = FitForm([], {key: text}).number(key)
@@ -148,9 +146,9 @@ def _conditions(
         "rows": rows,
         "fields": fields,
         "error": error,
-        "reduced": [(key, f"{QUANTITIES[key].symbol}, {QUANTITIES[key].words}") for key in REDUCED],
+        "reduced": [(key, f"{QUANTITIES[key].symbol}, {QUANTITIES[key].words}") for key in REDUCED_KEYS],
         "si": list(_SI_WORDS.items()),
-        "shared": [(key, f"{QUANTITIES[key].symbol}, {QUANTITIES[key].words}") for key in SHARED],
+        "shared": [(key, f"{QUANTITIES[key].symbol}, {QUANTITIES[key].words}") for key in SHARED_KEYS],
     }
     return shown(request, "conditions.html", given, 200 if error is None else 422)
 
