@@ -367,13 +367,8 @@ def _problem(response: "httpx.Response") -> JshellError:
 
 def _error(found: Mapping[str, Any]) -> JshellError:
     """An error of the library from its words."""
-    cause = str(found["cause"]).removeprefix("found ")
-    shown, _, expected = cause.partition("; expected ")
-    words = {
-        "found": str(found.get("found", shown)),
-        "expected": str(found.get("expected", expected or "a result")),
-        "remedy": str(found["remedy"]),
-    }
+    words = {name: str(found[name]) for name in ("found", "expected", "remedy")}
+    words["expected"] = words["expected"] or "a result"
     kinds = [kind for kind in vars(jshell.errors).values() if isinstance(kind, type) and issubclass(kind, JshellError)]
     kind = next((one for one in kinds if one.code == found["code"] and one is not NotOk), JshellError)
     error = kind(str(found["place"]), **words)

@@ -59,9 +59,7 @@ def shown(job: JobRow) -> dict[str, Any]:
         "progress": job.progress,
         "traces": list(job.traces),
         "specification": finite(dict(job.specification)),
-        "error": None
-        if error is None
-        else {"code": error.code, "place": error.place, "cause": error.cause, "remedy": error.remedy},
+        "error": None if error is None else error.words(),
         "links": links,
     }
 

@@ -331,6 +331,7 @@ class Store:
             DIED,
             "worker",
             f"worker died: {self.attempts} times in the middle of this job",
+            "",
             "Look at the memory of the machine and at the log of the service; a shorter record needs less.",
         )
         change = chosen.values(

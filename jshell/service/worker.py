@@ -285,8 +285,7 @@ class _Slot:
         if answer.fault is not None:
             return self._fault(job, answer.fault)
         if answer.error is not None:
-            e = answer.error
-            return Failure(e["code"], e["place"], f"found {e['found']}; expected {e['expected']}", e["remedy"])
+            return Failure(**answer.error)
         return answer.files
 
     def _fault(self, job: JobRow, words: str) -> Failure:
@@ -296,13 +295,14 @@ class _Slot:
             "internal",
             f"job {job.id}",
             f"a fault of jshell itself, error {number} in the log of the service",
+            "",
             "Tell whoever keeps the service this number; the same job will fail again.",
         )
 
 
 def _reached(what: str, found: str, most: str, advice: str) -> Failure:
     error = LimitReached(f"{what} of a job", found=found, expected=most, remedy=f"{advice}, or raise the setting.")
-    return Failure(error.code, error.place, f"found {found}; expected {most}", error.remedy)
+    return Failure(**error.record())
 
 
 def _resident(process: int | None) -> int | None:

@@ -1,6 +1,7 @@
 """The store, the same on SQLite and PostgreSQL: accepted means kept, finished means once."""
 
 import contextlib
+import json
 import sqlite3
 import threading
 import time
@@ -15,7 +16,7 @@ from jshell.service import store as stores
 from jshell.service.store import Failure, Store
 from jshell.service.uploads import Upload
 
-WRONG = Failure("bad_value", "here", "found 1; expected 2", "Try 2.")
+WRONG = Failure("bad_value", "here", "1", "2", "Try 2.")
 
 
 def asked(store: Store, number: int = 0, key: str | None = None):
@@ -302,6 +303,28 @@ def test_a_database_is_brought_up_to_date_once_and_a_later_one_refused(url):
         one.close()
     with pytest.raises(BadStore, match="later jshell"):
         Store.open(url)
+
+
+def test_errors_of_the_first_tables_come_apart(url):
+    """What was found and expected stood in one sentence."""
+    store = Store.open(url)
+    rows = [asked(store, number).job for number in range(3)]
+    causes = ("found 1; expected 2", "worker died: 3 times in the middle of this job", None)
+    with store.database.writing() as connection:
+        for row, cause in zip(rows, causes, strict=True):
+            words = (
+                None if cause is None else {"code": "bad_value", "place": "here", "cause": cause, "remedy": "Try 2."}
+            )
+            error = None if words is None else json.dumps(words)
+            connection.execute(tables.jobs.update().where(tables.jobs.c.id == row.id).values(error=error))
+        connection.execute(tables.migrations.delete().where(tables.migrations.c.number == 2))
+    store.close()
+    store = Store.open(url)
+    found = [store.job(row.id).error for row in rows]
+    store.close()
+    assert found[0] == WRONG
+    assert (found[1].found, found[1].expected) == (causes[1], "")
+    assert [None if error is None else error.cause for error in found] == list(causes)
 
 
 @pytest.mark.parametrize("url", ["mysql://x/y", "nonsense", "sqlite://", "sqlite:///:memory:"])

@@ -128,5 +128,5 @@ def unread(row: TraceRow, error: JshellError) -> dict[str, Any]:
     """Fields of `TraceRead` of a file that cannot be read by itself."""
     told = problem(error, "")
     blank = dict.fromkeys(("samples", "duration", "conditions", "scales", "loss"))
-    words = {name: told[name] for name in ("code", "place", "cause", "remedy")}
+    words = {name: told[name] for name in ("code", "place", "cause", "found", "expected", "remedy")}
     return row_out(row) | blank | {"channels": [], "sigma": [], "units": {}, "warnings": [], "error": words}
