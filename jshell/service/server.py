@@ -11,7 +11,14 @@ from jshell.service.settings import Settings
 HEADER = 16 * 1024  # bytes of a request's line and headers
 CONNECTIONS = 512  # open at the same time; more are told to come back
 IDLE = 15  # seconds that a quiet connection is kept
-PACKAGES = ("uvicorn", "fastapi", "sqlalchemy", "jinja2", "python_multipart")  # of the extra `service`
+PACKAGES = (
+    "uvicorn",
+    "fastapi",
+    "sqlalchemy",
+    "jinja2",
+    "python_multipart",
+    "prometheus_client",
+)  # of the extra `service`
 
 
 def serve(settings: Settings, told: Callable[[str], None] | None = None) -> None:

@@ -1,6 +1,7 @@
 """The API: what it takes, what it answers, and what it says when it refuses."""
 
 import io
+import re
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -318,7 +319,14 @@ def test_metrics_and_health(http):
     assert 'jshell_jobs{state="queued"}' in text
     assert 'jshell_requests_total{method="GET",status="200"}' in text
     counted = [line for line in text.splitlines() if line.startswith("jshell_request_seconds_count")]
-    assert int(counted[0].split()[1]) > 0
+    assert float(counted[0].split()[1]) > 0
+    told = set(re.findall(r"^# TYPE (\w+) (\w+)$", text, re.M))
+    assert told == {
+        ("jshell_info", "gauge"),
+        ("jshell_jobs", "gauge"),
+        ("jshell_requests_total", "counter"),
+        ("jshell_request_seconds", "histogram"),
+    }
 
 
 def test_what_nobody_foresaw_has_an_identifier_and_no_traceback(tmp_path, monkeypatch, caplog):
