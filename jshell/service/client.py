@@ -21,8 +21,8 @@ from jshell.calibration.recordings import gathered
 from jshell.dynamics import Mode
 from jshell.errors import BadValue, JshellError, NotOk, require_extra
 from jshell.files import NamedBytes
-from jshell.service import batches, parts, sending
-from jshell.service.settings import HELD
+from jshell.service import batches, chunks, sending
+from jshell.service.settings import MAX_BODY_BYTES
 from jshell.shell import Reduced
 from jshell.trace import Trace
 
@@ -181,7 +181,7 @@ class Client:
     ) -> BatchResult:
         """Fit each of many traces by itself as `jshell.calibration.fit_batch` does, there.
 
-        They go up in parts, each a job: one is fitted while the next is on its way, and several workers share them.
+        They go up in chunks, each a job: one is fitted while the next is on its way, and several workers share them.
 
         Args:
             traces: As in `submit_batch`.
@@ -189,19 +189,19 @@ class Client:
             **options: Those of `fit_batch`, in plain values.
 
         Raises:
-            JshellError: As `fit`; parts that are still under way are then called off.
+            JshellError: As `fit`; chunks that are still under way are then called off.
         """
         whole = [] if options.get("starts") else sending.whole(traces)
-        if parts.count(whole) < 2:
+        if chunks.count(whole) < 2:
             return self.submit_batch(traces, **options).result(seconds)
         try:
-            return parts.fitted(whole, lambda part: self._submit_batch(*part, None, options), seconds)
+            return chunks.fitted(whole, lambda chunk: self._submit_batch(*chunk, None, options), seconds)
         except NotDone:
             raise
         except JshellError:
             if isinstance(whole, Recordings):
                 raise
-            return self.submit_batch(traces, **options).result(seconds)  # a part of which no file can be read
+            return self.submit_batch(traces, **options).result(seconds)  # a chunk of which no file can be read
 
     def submit_batch(
         self, traces: Recordings | Sequence[Trace] | str | Path, *, key: str | None = None, **options: Any
@@ -220,7 +220,7 @@ class Client:
 
     def _submit_batch(self, name: str, content: bytes, key: str | None, options: Mapping[str, Any]) -> Job:
         words = json.dumps(sending.plain(options))
-        if len(content) <= HELD:  # without a form, which takes less
+        if len(content) <= MAX_BODY_BYTES:  # without a form, which takes less
             there = f"/batches/file/{quote(name, safe='')}"
             return self._job(self._send("POST", there, key=key, params={"options": words}, body=content).json())
         given = {"files": {"files": (name, content)}, "data": {"options": words}}

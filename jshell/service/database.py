@@ -58,7 +58,7 @@ class Database:
         self.sqlite = kind == "sqlite"
         self.place = f"database {self.url.render_as_string(hide_password=True)!r}"
         self._turn = threading.Lock()
-        self._checkpoints = Checkpoints(self._bring_home)
+        self._checkpoints = Checkpoints(self._checkpoint)
         if self.sqlite:
             self._engine = self._open_file(self.url)
         else:
@@ -115,7 +115,7 @@ class Database:
             self._checkpoints.wrote()
             self._turn.release()
 
-    def _bring_home(self) -> None:
+    def _checkpoint(self) -> None:
         """Copy SQLite's log to its places, as far as no reader needs what is there."""
         with contextlib.closing(self._engine.raw_connection()) as connection:
             connection.cursor().execute("PRAGMA wal_checkpoint(PASSIVE)").close()

@@ -34,7 +34,7 @@ MEDIA = {
     "txt": "text/plain; charset=utf-8",
 }
 EVERY = 0.1  # dimensionless time between the samples of a simulated trace
-KEPT = 32  # results that stay in memory once read
+MAX_CACHED_RESULTS = 32  # results that stay in memory once read
 
 
 def address(job: JobRow, suffix: str = "") -> str:
@@ -132,7 +132,7 @@ def _conditions(asked: Conditions) -> dict[str, float]:
     return {name: getattr(asked, name) for name in Conditions.model_fields}
 
 
-@functools.lru_cache(maxsize=KEPT)
+@functools.lru_cache(maxsize=MAX_CACHED_RESULTS)
 def fit_result(store: Store, job: str) -> FitResult:
     """The result of a fit that is done, as the library's own object."""
     return jshell.load(NamedBytes("record.json", store.result(job, "record.json")))

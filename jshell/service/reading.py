@@ -21,8 +21,9 @@ from jshell.shell.parameters import Reduced
 from jshell.trace import Trace
 
 TEXT = ("", ".csv", ".txt", ".dat", ".tsv", ".tab")
-KEPT = 64  # traces that stay in memory once read
-ROOM = threading.BoundedSemaphore(4)  # uploads that are in memory at the same time; others wait on the disk
+MAX_CACHED_TRACES = 64  # traces that stay in memory once read
+MAX_UPLOADS = 4  # in memory at the same time; others wait on the disk
+UPLOAD_SLOTS = threading.BoundedSemaphore(MAX_UPLOADS)
 
 
 @dataclass(frozen=True)
@@ -92,7 +93,7 @@ def looked(store: Store, trace: str) -> tuple[str, Look]:
     return _looked(store, trace)
 
 
-@functools.lru_cache(maxsize=KEPT)
+@functools.lru_cache(maxsize=MAX_CACHED_TRACES)
 def _looked(store: Store, trace: str) -> tuple[str, Look]:
     row = store.trace(trace)
     return row.name, look(row.name, store.trace_content(trace))

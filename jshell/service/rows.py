@@ -1,4 +1,4 @@
-"""A job as it is told: its state, what was asked, why it failed."""
+"""A job as it is reported: its state, what was asked, why it failed."""
 
 import dataclasses
 import hashlib
@@ -31,7 +31,7 @@ class Failure:
         return f"found {self.found}; expected {self.expected}" if self.expected else self.found
 
     def words(self) -> dict[str, str]:
-        """The failure as the API tells it; fields of `schemas.Failure`."""
+        """The failure as the API renders it; fields of `schemas.Failure`."""
         return dataclasses.asdict(self) | {"cause": self.cause}
 
 

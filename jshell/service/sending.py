@@ -12,7 +12,7 @@ from jshell.errors import BadValue
 from jshell.files import NamedBytes
 from jshell.io.files import read_bytes
 from jshell.service import archives, batches
-from jshell.service.parts import Whole
+from jshell.service.chunks import Whole
 from jshell.shell.parameters import Reduced
 from jshell.trace import Trace
 

@@ -21,12 +21,12 @@ PACKAGES = (
 )  # of the extra `service`
 
 
-def serve(settings: Settings, told: Callable[[str], None] | None = None) -> None:
+def serve(settings: Settings, report: Callable[[str], None] | None = None) -> None:
     """Listen until a signal says stop; then finish or give back what runs, within ten seconds.
 
     Args:
         settings: What the keeper chose.
-        told: Is called with the address once it is known.
+        report: Is called with the address once it is known.
 
     Raises:
         BadValue: An open address without a token, or a port that is taken.
@@ -52,9 +52,9 @@ def serve(settings: Settings, told: Callable[[str], None] | None = None) -> None
             h11_max_incomplete_event_size=HEADER, limit_concurrency=CONNECTIONS, timeout_keep_alive=IDLE,
             timeout_graceful_shutdown=2, lifespan="on", access_log=False, proxy_headers=False,
         )  # fmt: skip
-        if told is not None:
+        if report is not None:
             host, port = listening.getsockname()[:2]
-            told(f"http://{f'[{host}]' if ':' in host else host}:{port}")
+            report(f"http://{f'[{host}]' if ':' in host else host}:{port}")
         server = uvicorn.Server(config)
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda *_: None if server.started else sys.exit(0))

@@ -17,10 +17,10 @@ import sqlalchemy as sa
 
 from jshell.errors import BadStore, BadValue, NotFound, QueueFull, StoreUnavailable, choose
 from jshell.service import statements, uploads
-from jshell.service.bell import Bell
 from jshell.service.database import Database
+from jshell.service.notifier import Notifier
 from jshell.service.rows import Failure, JobRow, Submission, content_of, job_of, key_conflict, unknown_job
-from jshell.service.tables import CANCELLED, DONE, FAILED, QUEUED, RUNNING, STATES, jobs, pulse, results
+from jshell.service.tables import CANCELLED, DONE, FAILED, QUEUED, RUNNING, STATES, heartbeats, jobs, results
 from jshell.service.uploads import TraceRow, Upload
 
 KINDS = ("fit", "batch", "simulate", "modes")
@@ -39,7 +39,7 @@ class Store:
 
     def __init__(self, database: Database, *, queue: int = 1000, attempts: int = 3) -> None:
         self.database, self.queue, self.attempts = database, queue, attempts
-        self.bell = Bell()  # rung where this process accepts a job or takes one back
+        self.notifier = Notifier()  # notified where this process accepts a job or takes one back
         self._recent = uploads.Recent()
 
     @staticmethod
@@ -149,7 +149,7 @@ class Store:
         for one, name in zip(given, names, strict=False):  # none where nothing was kept
             self._recent.keep(one, name)
         if made:
-            self.bell.ring()
+            self.notifier.notify()
         return Submission(job_of(row), made)
 
     def job(self, job: str) -> JobRow:
@@ -236,7 +236,7 @@ class Store:
         """Whether the database takes a write; false where it does not answer or is full."""
         try:
             with self.database.writing() as connection:
-                connection.execute(pulse.update().values(beat=self.database.clock))
+                connection.execute(heartbeats.update().values(beat=self.database.clock))
         except (StoreUnavailable, BadStore):
             return False
         return True
@@ -300,7 +300,7 @@ class Store:
                 connection.execute(results.insert(), rows)
         return True
 
-    def give_back(self, job: str, owner: str, attempt: int, *, died: bool = False, delay: float | int = 0.0) -> bool:
+    def release(self, job: str, owner: str, attempt: int, *, died: bool = False, delay: float | int = 0.0) -> bool:
         """Let another one have a job.
 
         Args:
@@ -314,13 +314,13 @@ class Store:
         with self.database.writing() as connection:
             return self._requeue(connection, _held(job, owner, attempt), died, delay) == 1
 
-    def reclaim(self) -> int:
+    def reap_expired(self) -> int:
         """Take jobs from owners that no longer speak; how many."""
         silent = jobs.update().where(jobs.c.state == RUNNING, jobs.c.lease < self.database.clock)
         with self.database.writing() as connection:
             found = self._requeue(connection, silent, True, 0.0)
         if found:
-            self.bell.ring()
+            self.notifier.notify()
         return found
 
     def _requeue(self, connection: sa.Connection, chosen: sa.Update, died: bool, delay: float | int) -> int:

@@ -89,7 +89,7 @@ results = sa.Table(
 )
 
 
-pulse = sa.Table(  # one row, written to learn whether anything can be written
+heartbeats = sa.Table(  # one row, written to learn whether anything can be written
     "pulse",
     metadata,
     sa.Column("number", sa.Integer, primary_key=True),
@@ -99,7 +99,7 @@ pulse = sa.Table(  # one row, written to learn whether anything can be written
 
 def _first(connection: sa.Connection) -> None:
     metadata.create_all(connection)
-    connection.execute(pulse.insert().values(number=1, beat=0.0))
+    connection.execute(heartbeats.insert().values(number=1, beat=0.0))
 
 
 def _errors_apart(connection: sa.Connection) -> None:

@@ -28,7 +28,7 @@ from jshell.io.records import encode_record, plain
 from jshell.oscillator import Coefficients
 from jshell.service import batches
 from jshell.service.archives import Content
-from jshell.service.spool import Place
+from jshell.service.shared_file import FileRef
 from jshell.shell import Reduced
 from jshell.trace import Trace
 
@@ -74,16 +74,16 @@ def ready(warm: bool = False, nice: int | None = None) -> int:
     return os.getpid()
 
 
-def run(kind: str, specification: Mapping[str, Any], files: Sequence[tuple[str, bytes | Place]] = ()) -> Answer:
+def run(kind: str, specification: Mapping[str, Any], files: Sequence[tuple[str, bytes | FileRef]] = ()) -> Answer:
     """Do a job.
 
     Args:
         kind: `fit`, `batch`, `simulate` or `modes`.
         specification: What is asked.
-        files: Name and bytes of each trace, or where on this machine its bytes are.
+        files: Name and bytes of each trace, or a reference to them in a file of this machine.
     """
     try:
-        given = [NamedBytes(name, found.seen() if isinstance(found, Place) else found) for name, found in files]
+        given = [NamedBytes(name, found.view() if isinstance(found, FileRef) else found) for name, found in files]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # a result carries its own warnings
             return Answer(_TASKS[kind](specification, given))

@@ -223,14 +223,14 @@ def test_who_lost_the_lease_records_nothing(store):
     job = asked(store).job
     store.lease("slow", 0.01)
     time.sleep(0.1)
-    assert store.reclaim() == 1
-    assert store.reclaim() == 0
+    assert store.reap_expired() == 1
+    assert store.reap_expired() == 0
     assert not store.heartbeat(job.id, "slow", 1)
     assert not store.finish(job.id, "slow", 1, {"a": b"late"})
     again = store.lease("slow", 15)  # the same owner: its second attempt is not its first
     assert again.attempt == 2
     assert not store.finish(job.id, "slow", 1, {"a": b"late"})
-    assert not store.give_back(job.id, "slow", 1)
+    assert not store.release(job.id, "slow", 1)
     assert store.finish(job.id, "slow", 2, {"a": b"right"})
     assert not store.finish(job.id, "slow", 2, {"a": b"twice"})
     assert store.result(job.id, "a") == b"right"
@@ -242,7 +242,7 @@ def test_a_heartbeat_keeps_the_lease(store):
     for _ in range(4):
         assert store.heartbeat(job.id, "me", 1, seconds=0.5)
         time.sleep(0.1)
-        assert store.reclaim() == 0
+        assert store.reap_expired() == 0
 
 
 def test_three_deaths_end_a_job(store, monkeypatch):
@@ -250,7 +250,7 @@ def test_three_deaths_end_a_job(store, monkeypatch):
     job = asked(store).job
     for attempt in (1, 2, 3):
         assert store.lease("me", 15).attempt == attempt
-        assert store.give_back(job.id, "me", attempt, died=True)
+        assert store.release(job.id, "me", attempt, died=True)
     ended = store.job(job.id)
     assert (ended.state, ended.error.code) == ("failed", "worker_died")
     assert "worker died" in ended.error.cause
@@ -262,7 +262,7 @@ def test_what_was_given_back_alive_does_not_count_as_a_death(store):
     job = asked(store).job
     for attempt in range(1, 6):
         assert store.lease("me", 15).attempt == attempt
-        assert store.give_back(job.id, "me", attempt)
+        assert store.release(job.id, "me", attempt)
     assert store.job(job.id).state == "queued"
 
 
@@ -270,9 +270,9 @@ def test_a_job_rests_after_two_deaths_and_for_a_delay(store):
     job, other = asked(store, 0).job, asked(store, 1).job
     for attempt in (1, 2):
         assert store.lease("me", 15).id == job.id
-        store.give_back(job.id, "me", attempt, died=True)
+        store.release(job.id, "me", attempt, died=True)
     assert store.lease("me", 15).id == other.id
-    store.give_back(other.id, "me", 1, delay=60)
+    store.release(other.id, "me", 1, delay=60)
     assert store.lease("me", 15) is None
 
 

@@ -14,7 +14,7 @@ from jshell.io.headers import REDUCED_KEYS, SHARED_KEYS, SI_KEYS
 from jshell.quantities import QUANTITIES
 from jshell.service.jobs import fit_specification, packed
 from jshell.service.preview import Preview, preview
-from jshell.service.reading import ROOM, Look, conditions_of, example, look, looked, with_conditions
+from jshell.service.reading import UPLOAD_SLOTS, Look, conditions_of, example, look, looked, with_conditions
 from jshell.service.safety import clean_name
 from jshell.service.state import Here, Service
 from jshell.service.web import drawing, series
@@ -63,7 +63,7 @@ async def upload(request: Request, here: Here) -> Response:
 
 @no_type_check  # FastAPI hands in Starlette's UploadFile where its own is announced
 def _taken(request: Request, here: Service, files: Sequence[UploadFile]) -> Response:
-    with ROOM:
+    with UPLOAD_SLOTS:
         read = [(file.filename, file.file.read()) for file in files]
         return _kept(request, here, [(clean_name(name), content) for name, content in read if name or content])
 
