@@ -13,6 +13,7 @@ Source     CSV for people, xarray for programs
 import csv
 import dataclasses
 import io
+import warnings
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -46,14 +47,20 @@ class Catalog:
         results: The finished runs.
         families: Those each belongs to.
         missing: Runs of the design that are not finished.
-        strangers: Files in the folder that belong to no run of the design.
+        orphan_files: Files in the folder that belong to no run of the design.
     """
 
     name: str
     results: tuple[Result, ...]
     families: tuple[tuple[str, ...], ...]
     missing: tuple[Run, ...] = ()
-    strangers: int = 0
+    orphan_files: int = 0
+
+    @property
+    def strangers(self) -> int:
+        """Deprecated name of `orphan_files`."""
+        warnings.warn("Catalog.strangers is now Catalog.orphan_files.", DeprecationWarning, stacklevel=2)
+        return self.orphan_files
 
     def __len__(self) -> int:
         return len(self.results)
@@ -189,7 +196,7 @@ def catalog(folder: str | Path | None = None) -> Catalog:
         tuple(store.load(run) for run in done),
         tuple(done.values()),
         tuple(run for run in planned if run not in done),
-        store.strangers(iter(planned)),
+        store.orphan_files(iter(planned)),
     )
 
 
