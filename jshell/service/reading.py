@@ -6,8 +6,7 @@ import threading
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib import resources
-from pathlib import Path, PurePath
+from pathlib import PurePath
 
 from jshell import io
 from jshell.errors import JshellError
@@ -125,12 +124,6 @@ def with_conditions(name: str, content: bytes, given: Mapping[str, float]) -> tu
     units = "si" if trace.scales is not None else "reduced"
     again = io.encode_trace(f"{PurePath(name).stem}.json", trace, units)
     return again.name, bytes(again.content)
-
-
-def example(name: str) -> Path:
-    """A file of `data/examples`, from a checkout or from the installed package."""
-    checkout = Path(__file__).resolve().parents[2] / "data" / "examples" / name
-    return checkout if checkout.exists() else Path(str(resources.files("jshell") / "examples" / name))
 
 
 def conditions_of(problem: Reduced | None) -> dict[str, float] | None:

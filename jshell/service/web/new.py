@@ -9,12 +9,13 @@ from fastapi import APIRouter, Request, Response, UploadFile
 from fastapi.responses import HTMLResponse, RedirectResponse
 from starlette.concurrency import run_in_threadpool
 
+from jshell import io
 from jshell.errors import BadFile, BadUnits, BadValue, JshellError
 from jshell.io.headers import REDUCED_KEYS, SHARED_KEYS, SI_KEYS
 from jshell.quantities import QUANTITIES
 from jshell.service.jobs import fit_specification, packed
 from jshell.service.preview import Preview, preview
-from jshell.service.reading import UPLOAD_SLOTS, Look, conditions_of, example, look, looked, with_conditions
+from jshell.service.reading import UPLOAD_SLOTS, Look, conditions_of, look, looked, with_conditions
 from jshell.service.safety import clean_name
 from jshell.service.state import Here, Service
 from jshell.service.web import drawing, series
@@ -98,7 +99,7 @@ def is_batch(name: str, content: bytes) -> bool:
 @router.post("/examples")
 def try_example(here: Here) -> Response:
     """The example recording, as if it had been uploaded."""
-    row = here.store.add_trace(EXAMPLE, example(EXAMPLE).read_bytes())
+    row = here.store.add_trace(EXAMPLE, io.example(EXAMPLE).read_bytes())
     return RedirectResponse(f"/fits/new?trace={row.id}", 303)
 
 

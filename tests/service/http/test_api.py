@@ -342,3 +342,11 @@ def test_what_nobody_foresaw_has_an_identifier_and_no_traceback(tmp_path, monkey
     assert "Traceback" not in answer.text
     identifier = found["found"].split(", ")[1]
     assert any(identifier in one.getMessage() and one.exc_info for one in caplog.records)
+
+
+def test_the_example_of_the_page_is_the_librarys(http):
+    sent = http.post("/examples", follow_redirects=False)
+    assert sent.status_code == 303
+    trace = re.search(r"[0-9a-f]{32}", sent.headers["location"])[0]
+    content = http.get(f"/api/v1/traces/{trace}/content").content
+    assert content == jshell.io.example("attached_R_HW.csv").read_bytes()
