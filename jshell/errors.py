@@ -6,6 +6,9 @@ computation ended: anything but `ok` means that its numbers are not an answer.
 """
 
 import enum
+import importlib
+from collections.abc import Collection
+from typing import Any
 
 
 class Outcome(enum.IntEnum):
@@ -171,6 +174,64 @@ class BadStore(JshellError, ValueError):
     """A database that is damaged, or not one of jshell's."""
 
     code = "bad_store"
+
+
+def choose(
+    name: str,
+    value: Any,
+    allowed: Collection[Any],
+    *,
+    noun: str = "",
+    expected: str = "",
+    remedy: str = "Choose one.",
+) -> Any:
+    """The value of an option, which must be one of those that there are.
+
+    Args:
+        name: What the option is called, such as `liquid`; its place may stand before it, with a comma.
+        value: What was asked for.
+        allowed: What there is.
+        noun: What the values are, where the option's name does not say it.
+        expected: What there is in words, where a list of it does not say all.
+        remedy: What to try.
+
+    Raises:
+        BadName: Another value.
+
+    Example:
+        >>> from jshell.errors import choose
+        >>> choose("units", "si", ("reduced", "si"))
+        'si'
+    """
+    if value in allowed:
+        return value
+    known = "one of " + ", ".join(str(one) for one in allowed)
+    if name.startswith("--"):  # of the terminal: the option alone is the place
+        raise BadName(name, found=repr(value), expected=expected or known, remedy=remedy)
+    noun = noun or name.rpartition(", ")[2]
+    raise BadName(f"{name} {value!r}", found=f"no such {noun}", expected=expected or known, remedy=remedy)
+
+
+def require_extra(module: str, extra: str, place: str = "") -> Any:
+    """A module of an optional package, imported now.
+
+    Args:
+        module: Its name, such as `xarray`.
+        extra: The extra of jshell that brings it.
+        place: What needs it; by default the module's name.
+
+    Raises:
+        MissingExtra: It is not installed.
+    """
+    try:
+        return importlib.import_module(module)
+    except ImportError:
+        raise MissingExtra(
+            place or module,
+            found=f"no {module}",
+            expected=f"the extra `{extra}`",
+            remedy=f"Install it: pip install 'jshell[{extra}]'.",
+        ) from None
 
 
 class RangeWarning(UserWarning):

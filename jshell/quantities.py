@@ -6,7 +6,7 @@ quantity is spelled the same wherever a user meets it.
 
 from dataclasses import dataclass
 
-from jshell.errors import BadName
+from jshell.errors import choose
 
 
 @dataclass(frozen=True)
@@ -138,11 +138,4 @@ def quantity(key: str) -> Quantity:
     Raises:
         BadName: The key is not in the registry.
     """
-    if key not in QUANTITIES:
-        raise BadName(
-            f"quantity {key!r}",
-            found="no such key",
-            expected="one of " + ", ".join(QUANTITIES),
-            remedy="Check the spelling.",
-        )
-    return QUANTITIES[key]
+    return QUANTITIES[choose("quantity", key, QUANTITIES, remedy="Check the spelling.")]

@@ -11,7 +11,7 @@ import equinox as eqx
 import jax
 import numpy as np
 
-from jshell.errors import BadName, BadShape, MissingExtra, Outcome
+from jshell.errors import BadName, BadShape, Outcome, choose, require_extra
 from jshell.quantities import QUANTITIES
 from jshell.shell.parameters import Reduced, Scales
 
@@ -19,14 +19,6 @@ if TYPE_CHECKING:
     import xarray
 
 Values = jax.Array | np.ndarray
-CONDITION_FIELDS = {
-    "d_hat": "thickness",
-    "P0_hat": "gas_pressure",
-    "Pext_hat": "outer_pressure",
-    "eta_hat": "viscosity",
-    "kappa": "kappa",
-    "nu": "poisson_ratio",
-}  # keys of files to fields of `Reduced`
 
 
 class Trace(eqx.Module):
@@ -63,14 +55,7 @@ class Trace(eqx.Module):
                 )
 
     def __getitem__(self, name: str) -> Values:
-        if name not in self.channels:
-            raise BadName(
-                f"channel {name!r}",
-                found="no such channel",
-                expected="one of " + ", ".join(self.channels),
-                remedy="Choose a channel that the trace has.",
-            )
-        return self.channels[name]
+        return self.channels[choose("channel", name, self.channels, remedy="Choose a channel that the trace has.")]
 
     def between(self, start: float | int | None, stop: float | int | None) -> "Trace":
         """The part of the trace with start <= t <= stop, in the trace's own time unit."""
@@ -109,15 +94,7 @@ class Trace(eqx.Module):
             >>> float(Trace(np.arange(3.0), {"V": np.array([3.0, 3.1, 3.2])}).to_xarray()["V"].sel(t=1.0))
             3.1
         """
-        try:
-            import xarray
-        except ImportError:
-            raise MissingExtra(
-                "Trace.to_xarray",
-                found="no xarray",
-                expected="the extra `io`",
-                remedy="Install it: pip install 'jshell[io]'.",
-            ) from None
+        xarray = require_extra("xarray", "io", "Trace.to_xarray")
         times = np.asarray(self.times)
         if times.ndim not in (1, 2):
             raise BadShape(
@@ -153,8 +130,8 @@ class Trace(eqx.Module):
         """Conditions and outcome by the keys that files have for them; arrays where a batch differs."""
         facts: dict[str, Any] = {}
         if self.conditions is not None:
-            for key, name in CONDITION_FIELDS.items():
-                number = np.asarray(getattr(self.conditions, name), dtype=float)
+            for key, value in self.conditions.as_dict().items():
+                number = np.asarray(value, dtype=float)
                 facts[key] = float(number) if number.ndim == 0 else number
         words = np.vectorize(lambda code: Outcome(int(code)).word, otypes=[str])(np.asarray(self.outcome))
         facts["outcome"] = str(words) if words.ndim == 0 else words

@@ -12,6 +12,7 @@ from jshell.calibration.noise import Noise
 from jshell.calibration.report import FitResult
 from jshell.calibration.specification import Specification
 from jshell.errors import BadFile, Outcome
+from jshell.files import Source
 from jshell.io.records import number, numbers, plain, read_record, trace_of, trace_record, write_groups, write_record
 
 KIND = "fit"
@@ -56,8 +57,8 @@ def save(result: FitResult, path: str | Path) -> Path:
     return write_record(path, KIND, stored(result))
 
 
-def load(path: str | Path) -> FitResult:
-    """Read a result that `FitResult.save` wrote.
+def load(path: Source) -> FitResult:
+    """Read a result that `FitResult.save` wrote, from its file or from a name with the file's bytes.
 
     It reports, draws and compares as the one that was saved; to walk around its
     minimum (`profile`, `bootstrap`, …) fit its `traces` or `table` again, as its

@@ -13,6 +13,7 @@ Source     CSV for people, xarray for programs
 import csv
 import dataclasses
 import io
+import warnings
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -26,7 +27,7 @@ from jshell.campaigns.perform import Result
 from jshell.campaigns.planned import Run
 from jshell.campaigns.store import Store
 from jshell.campaigns.writing import read_design
-from jshell.errors import BadFile, BadName, MissingExtra, Outcome
+from jshell.errors import BadFile, Outcome, choose, require_extra
 
 if TYPE_CHECKING:
     import xarray
@@ -46,14 +47,20 @@ class Catalog:
         results: The finished runs.
         families: Those each belongs to.
         missing: Runs of the design that are not finished.
-        strangers: Files in the folder that belong to no run of the design.
+        orphan_files: Files in the folder that belong to no run of the design.
     """
 
     name: str
     results: tuple[Result, ...]
     families: tuple[tuple[str, ...], ...]
     missing: tuple[Run, ...] = ()
-    strangers: int = 0
+    orphan_files: int = 0
+
+    @property
+    def strangers(self) -> int:
+        """Deprecated name of `orphan_files`."""
+        warnings.warn("Catalog.strangers is now Catalog.orphan_files.", DeprecationWarning, stacklevel=2)
+        return self.orphan_files
 
     def __len__(self) -> int:
         return len(self.results)
@@ -79,10 +86,8 @@ class Catalog:
         if isinstance(name, int | np.integer):
             return self.results[int(name)]
         rows = self.rows()
-        if rows and name not in rows[0]:
-            raise BadName(
-                f"column {name!r}", found="no such column", expected="one of " + ", ".join(rows[0]), remedy="Check it."
-            )
+        if rows:
+            choose("column", name, rows[0])
         values = [row[name] for row in rows]
         if any(isinstance(value, str) for value in values):
             return np.array(values)
@@ -95,10 +100,8 @@ class Catalog:
             BadName: No such family or column.
         """
         known = dict.fromkeys(name for names in self.families for name in names)
-        if family is not None and family not in known:
-            raise BadName(
-                f"family {family!r}", found="no such family", expected="one of " + ", ".join(known), remedy="Check it."
-            )
+        if family is not None:
+            choose("family", family, known)
         keep = np.array([family is None or family in names for names in self.families], dtype=bool)
         for name, value in equal.items():
             column = self[name]
@@ -138,15 +141,7 @@ class Catalog:
         Raises:
             MissingExtra: Without the extra `io`.
         """
-        try:
-            import xarray
-        except ImportError:
-            raise MissingExtra(
-                "Catalog.to_xarray",
-                found="no xarray",
-                expected="the extra `io`",
-                remedy="Install it: pip install 'jshell[io]'.",
-            ) from None
+        xarray = require_extra("xarray", "io", "Catalog.to_xarray")
         table = {name: (("run",), self[name]) for name in self.columns if name != "key"}
         data = xarray.Dataset(table, {"key": (("run",), self["key"])} if self.results else {}, {"name": self.name})
         if not records:
@@ -201,7 +196,7 @@ def catalog(folder: str | Path | None = None) -> Catalog:
         tuple(store.load(run) for run in done),
         tuple(done.values()),
         tuple(run for run in planned if run not in done),
-        store.strangers(iter(planned)),
+        store.orphan_files(iter(planned)),
     )
 
 

@@ -13,7 +13,7 @@ import jax
 import numpy as np
 
 from jshell.campaigns.planned import FIELDS, KINDS, Run
-from jshell.errors import BadName, BadValue
+from jshell.errors import BadName, BadValue, choose
 from jshell.shell import Reduced
 from jshell.shell.sphere import buckling_load
 
@@ -57,15 +57,10 @@ class Family:
         if not self.name.replace("-", "").replace("_", "").isalnum():
             raise BadName(place, found="no single word", expected="letters, digits, - and _", remedy="Rename it.")
         for what, found, known in (("kind", self.kind, KINDS), ("rule", self.rule, RULES)):
-            if found not in known:
-                raise BadName(
-                    f"{place}, {what}", found=repr(found), expected="one of " + ", ".join(known), remedy="Choose one."
-                )
+            choose(f"{place}, {what}", found, known)
         known = {*FIELDS, *LOADS} - {"kind"}
         for name in (*self.base, *self.vary, *self.log):
-            if name not in known:
-                expected = "one of " + ", ".join(sorted(known))
-                raise BadName(f"{place}, {name}", found="no such parameter", expected=expected, remedy="Check it.")
+            choose(f"{place}, parameter", name, sorted(known))
         for name, values in self.vary.items():
             if len(values) == 0 or (self.rule == "latin" and not (len(values) == 2 and _rises(*values))):
                 expected = "its lowest and highest value" if self.rule == "latin" else "at least one value"

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 from jshell.contour import WeakSpot
 from jshell.dynamics.roots import check_liquid
-from jshell.errors import BadName, BadValue
-from jshell.shell import Reduced
+from jshell.errors import BadValue, choose
+from jshell.shell.parameters import CONDITION_FIELDS, Reduced
 
 KINDS = {
     "modes": "small vibrations about the buckled rest shape, nothing in time",
@@ -66,8 +66,7 @@ class Run:
     liquid: str = "second"
 
     def __post_init__(self) -> None:
-        if self.kind not in KINDS:
-            raise BadName("kind", found=repr(self.kind), expected="one of " + ", ".join(KINDS), remedy="Choose one.")
+        choose("kind", self.kind, KINDS)
         check_liquid(self.liquid)
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
@@ -85,7 +84,7 @@ class Run:
     @property
     def conditions(self) -> Reduced:
         """The problem, before any offset."""
-        return Reduced(self.d_hat, self.P0_hat, self.Pext_hat, self.eta_hat, self.kappa, self.nu)
+        return Reduced.from_dict({key: getattr(self, key) for key in CONDITION_FIELDS})
 
     @property
     def weak_spot(self) -> WeakSpot:

@@ -64,7 +64,7 @@ class Store:
     def has(self, run: Run) -> bool:
         return self.path(run).exists()
 
-    def strangers(self, runs: Iterator[Run]) -> int:
+    def orphan_files(self, runs: Iterator[Run]) -> int:
         """How many files belong to none of the runs."""
         known = {run.key for run in runs}
         return sum(path.stem not in known for path in (self.folder / RUNS).glob("*.npz"))

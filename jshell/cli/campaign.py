@@ -123,7 +123,7 @@ def told(found: campaigns.Catalog, where: Path, as_json: bool) -> None:
     if as_json:
         say({
             "folder": str(where), "name": found.name, "finished": len(found), "missing": len(found.missing),
-            "outcomes": found.outcomes(), "strangers": found.strangers,
+            "outcomes": found.outcomes(), "strangers": found.orphan_files,
             "families": [dict(zip(("family", "kind", "runs", "outcomes"), row, strict=True)) for row in rows],
             "failed": [{"run": r.run.key, "outcome": r.findings.outcome, "reason": r.findings.reason} for r in bad],
             "versions": sorted({f"{k} {v}" for r in found for k, v in vars(r.versions).items()}),
@@ -134,8 +134,8 @@ def told(found: campaigns.Catalog, where: Path, as_json: bool) -> None:
         typer.echo(table(rows, ("family", "kind", "runs", "outcomes")))
     for result in bad:
         typer.echo(f"{result.findings.outcome}: {named(result.run)}: {result.findings.reason}")
-    if found.strangers:
-        log(f"{found.strangers} files there belong to no run of this design.")
+    if found.orphan_files:
+        log(f"{found.orphan_files} files there belong to no run of this design.")
 
 
 def named(run: campaigns.Run) -> str:

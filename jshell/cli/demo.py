@@ -67,10 +67,7 @@ def demo(
     show(rest_rows(rest, undamped, damped, attached), as_json)
 
     with step("the snap: ramp to 1.62, then hold"):
-        c = conditions
-        trace = dynamics.simulate(
-            Reduced(c.thickness, c.gas_pressure, SNAP_LOAD, c.viscosity), elements=elements, throw=True
-        )
+        trace = dynamics.simulate(conditions.replace(outer_pressure=SNAP_LOAD), elements=elements, throw=True)
         io.write_trace(out / "snap.csv", trace)
         heard = signals.extract(trace, throw=True)
     show(snap_rows(trace, heard), as_json)

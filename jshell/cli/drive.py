@@ -13,7 +13,7 @@ from jshell.cli.constants import Damped, with_damping
 from jshell.cli.destinations import OutFile, Picture, drawable, traceable
 from jshell.cli.output import Json, finish, log, say, speaking, table
 from jshell.cli.problem import Problem, with_conditions
-from jshell.errors import BadName, BadValue, Outcome
+from jshell.errors import BadValue, Outcome, choose
 from jshell.memory import half_derivative
 from jshell.oscillator import Coefficients, Decay, Drag, Pulse, Ramp, Response, Reynolds, Step, StokesLayer, Tone
 from jshell.oscillator import drive as run
@@ -136,8 +136,7 @@ def _pulsation(problem: Problem, constants: Coefficients, given: float | None, m
 
 
 def _forcing(kind: str, size: float, omega: float, cycles: int, rise: float) -> Forcing:
-    if kind not in FORCINGS:
-        raise BadName("--forcing", found=repr(kind), expected=", ".join(FORCINGS), remedy="Choose one.")
+    choose("--forcing", kind, FORCINGS)
     if kind == "tone":
         return Tone(size, omega)
     if kind in ("pulse", "burst"):

@@ -1,7 +1,6 @@
 """What drives a run and what takes its energy, from options: outer pressure, tone, burst, losses."""
 
 import json
-import tempfile
 from pathlib import Path
 from typing import Annotated
 
@@ -11,7 +10,8 @@ from jshell import io
 from jshell.cli.problem import Problem
 from jshell.dynamics import Losses
 from jshell.dynamics.losses import STOKES
-from jshell.errors import BadFile, BadName, BadValue
+from jshell.errors import BadFile, BadValue, choose
+from jshell.files import NamedBytes
 from jshell.io.headers import si_pairs
 from jshell.membrane import WallLoss
 from jshell.oscillator import Pulse, Reynolds, Together, Tone
@@ -100,14 +100,11 @@ def outer_pressure(path: Path | None, problem: Problem) -> tuple | None:
     """
     if path is None:
         return None
-    with tempfile.TemporaryDirectory() as folder:
-        meta = None
-        if problem.scales is not None:
-            meta = Path(folder) / "conditions.json"
-            meta.write_text(
-                json.dumps({key: float(value) for key, value in si_pairs(problem.conditions, problem.scales)})
-            )
-        trace = io.read_trace(path, meta=meta)
+    meta = None
+    if problem.scales is not None:
+        given = {key: float(value) for key, value in si_pairs(problem.conditions, problem.scales)}
+        meta = NamedBytes("conditions.json", json.dumps(given).encode())
+    trace = io.read_trace(path, meta=meta)
     if "P_ext" not in trace.channels:
         raise BadFile(
             str(path),
@@ -149,8 +146,7 @@ def losses(
             a layer.
     """
     chosen = stokes if stokes is not None else ("memory" if frequency is None else "frequency")
-    if chosen not in STOKES:
-        raise BadName("--stokes", found=repr(chosen), expected="one of " + ", ".join(STOKES), remedy="memory is usual.")
+    choose("--stokes", chosen, STOKES, remedy="memory is usual.")
     if (chosen == "frequency") != (frequency is not None):
         raise BadValue(
             "--stokes-frequency",

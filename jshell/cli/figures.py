@@ -9,7 +9,7 @@ import typer
 
 from jshell import campaigns
 from jshell.cli.output import Json, log, say, speaking, table
-from jshell.errors import BadFile, BadName
+from jshell.errors import BadFile, choose
 
 FORMATS = ("png", "pdf", "svg")
 
@@ -29,8 +29,7 @@ def figures(
     """Draw the source's figures from our own simulations, its published numbers marked; without a name, list them."""
     paper = importlib.import_module("jshell.plot.paper")
     room = importlib.import_module("jshell.plot")
-    if kind not in FORMATS:
-        raise BadName(f"--format {kind!r}", found="no such format", expected=", ".join(FORMATS), remedy="Choose one.")
+    choose("--format", kind, FORMATS)
     asked = paper.FIGURES if everything else tuple(dict.fromkeys(paper.figure(name) for name in names or ()))
     if not asked:
         rows = [(one.name, one.label, one.words) for one in paper.FIGURES]

@@ -15,7 +15,6 @@ from jshell.errors import BadValue
 from jshell.oscillator import Coefficients
 from jshell.sensitivity import Elasticities, Range, SobolIndices, elasticities, information, next_experiment, sobol
 from jshell.sensitivity.identifiability import PARAMETERS
-from jshell.shell import Reduced
 
 
 @speaking
@@ -83,7 +82,7 @@ def _advise(
     """Rank candidates by what they would add to the shell of the conditions, taken as measured."""
     c = problem.conditions
     d, P0, P = np.array([_triple(text) for text in texts]).T
-    found = next_experiment(Reduced(d, P0, P, c.viscosity, c.kappa, c.poisson_ratio), constants, c, sigma)
+    found = next_experiment(c.replace(thickness=d, gas_pressure=P0, outer_pressure=P), constants, c, sigma)
     if plot is not None:
         axes = importlib.import_module("jshell.plot.sensitivity").ranking(found, texts)
         importlib.import_module("jshell.plot").save(axes.figure, plot)

@@ -34,7 +34,7 @@ from jshell.cli.problem import Problem, with_conditions
 from jshell.cli.statics import Attached, Elements, Spot, weak_spot
 from jshell.contour import WeakSpot
 from jshell.dynamics import LONGEST_STEP
-from jshell.errors import BadName, BadUnits, BadValue, Outcome
+from jshell.errors import BadUnits, BadValue, Outcome, choose
 from jshell.membrane.equilibrium import DIMPLE_DEPTH
 from jshell.shell import SPHERE_AREA, SPHERE_VOLUME
 from jshell.trace import Trace
@@ -92,8 +92,7 @@ def simulate(
     traceable(out)
     drawable(film, "--film")
     writable(gif, "--gif", (".gif",))
-    if units not in ("reduced", "si"):
-        raise BadName("--units", found=repr(units), expected="reduced or si", remedy="Choose one.")
+    choose("--units", units, ("reduced", "si"))
     if units == "si" and problem.scales is None:
         raise BadUnits(
             "--units si", found="conditions without units", expected="SI conditions", remedy="Give --r0 and its kin."

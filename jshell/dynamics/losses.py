@@ -22,7 +22,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
-from jshell.errors import BadName, BadValue
+from jshell.errors import BadValue, choose
 from jshell.flow import single_frequency
 from jshell.membrane import WallLoss
 from jshell.memory import HalfDerivative, half_derivative
@@ -67,10 +67,7 @@ class Losses(eqx.Module):
     drag: Any = None
 
     def __check_init__(self) -> None:
-        if self.stokes not in STOKES:
-            raise BadName(
-                "stokes", found=repr(self.stokes), expected="one of " + ", ".join(STOKES), remedy="memory is usual."
-            )
+        choose("stokes", self.stokes, STOKES, remedy="memory is usual.")
         if self.stokes == "frequency":
             _check_frequency(self.frequency)
         if self.order not in (1, 2):

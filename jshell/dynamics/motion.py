@@ -118,8 +118,7 @@ def resolved_motions(shape: Meridian) -> Float[Array, "coordinates coordinates"]
 
 def at_pressure(conditions: Reduced, pressure: Scalar) -> Reduced:
     """The same problem under another outer pressure."""
-    c = conditions
-    return Reduced(c.thickness, c.gas_pressure, pressure, c.viscosity, c.kappa, c.poisson_ratio)
+    return conditions.replace(outer_pressure=pressure)
 
 
 def velocity(state: State, radius: float) -> Float[Array, "coordinates"]:

@@ -122,4 +122,4 @@ def offset(conditions: Reduced, volume: Number, amount: Number) -> Reduced:
     c = conditions
     pressure = gas_pressure(volume, c) + amount
     filled = pressure * (volume / SPHERE_VOLUME) ** c.kappa
-    return Reduced(c.thickness, filled, c.outer_pressure + amount, c.viscosity, c.kappa, c.poisson_ratio)
+    return c.replace(gas_pressure=filled, outer_pressure=c.outer_pressure + amount)

@@ -26,7 +26,7 @@ import jax.numpy as jnp
 import jax.scipy.linalg as jsl
 from jaxtyping import Array, Bool, Complex, Float, Int
 
-from jshell.errors import BadName
+from jshell.errors import choose
 from jshell.flow import ViscousLiquid, flow, impedance, second_resistance, slip_matrix, viscous_liquid
 from jshell.membrane import RestShape, stiffness, wall
 from jshell.membrane.energy import Area
@@ -75,10 +75,7 @@ class Roots(NamedTuple):
 
 def check_liquid(liquid: str) -> None:
     """Refuse an unknown liquid."""
-    if liquid not in LIQUIDS:
-        raise BadName(
-            "liquid", found=repr(liquid), expected="one of " + ", ".join(LIQUIDS), remedy="exact is right at any η̂."
-        )
+    choose("liquid", liquid, LIQUIDS, remedy="exact is right at any η̂.")
 
 
 def matrices(state: RestShape, conditions: Reduced, liquid: Liquid | str, area: Area | str = "current") -> Matrices:

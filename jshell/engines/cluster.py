@@ -11,7 +11,7 @@ from collections.abc import Callable
 from concurrent.futures import CancelledError, Executor, Future
 from functools import partial
 
-from jshell.errors import BadValue, MissingExtra, WorkerLost
+from jshell.errors import BadValue, WorkerLost, require_extra
 
 PATIENCE = 15.0  # [s] to find the scheduler
 
@@ -31,15 +31,7 @@ class Cluster(Executor):
     """
 
     def __init__(self, address: str) -> None:
-        try:
-            import distributed
-        except ImportError:
-            raise MissingExtra(
-                "engine",
-                found="no Dask",
-                expected="the extra `distributed`",
-                remedy="Install it: pip install 'jshell[distributed]'.",
-            ) from None
+        distributed = require_extra("distributed", "distributed", "engine")
         try:
             self._client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
         except (OSError, ValueError, TimeoutError) as fault:

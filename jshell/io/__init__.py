@@ -3,6 +3,6 @@
 from jshell.io.datasets import example
 from jshell.io.formats import check_suffix
 from jshell.io.headers import read_conditions
-from jshell.io.tables import read_table, read_trace, write_trace
+from jshell.io.tables import encode_trace, read_table, read_trace, write_trace
 
-__all__ = ["check_suffix", "example", "read_conditions", "read_table", "read_trace", "write_trace"]
+__all__ = ["check_suffix", "encode_trace", "example", "read_conditions", "read_table", "read_trace", "write_trace"]

@@ -4,17 +4,18 @@ What an array claims to hold is compared with what the archive holds of it
 before memory is asked for: a small file that unfolds into gigabytes is refused.
 """
 
+import io as streams
 import warnings
 import zipfile
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 
 import numpy as np
 
 from jshell.errors import BadFile
+from jshell.files import NamedBytes
 from jshell.io.arrays import SETTINGS, check_array, refuse_names, settings_text, sheet_of
-from jshell.io.files import SPOILED, cannot_write, check_size, spoiled
+from jshell.io.files import SPOILED, check_size, spoiled
 from jshell.io.headers import CONDITION_KEYS
 from jshell.io.sheets import Sheet, title
 
@@ -22,34 +23,37 @@ WORDS = "NumPy archive"
 _HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 
 
-def read(path: Path, required: Sequence[str] = ()) -> Sheet:
+def read(file: NamedBytes, required: Sequence[str] = ()) -> Sheet:
     """Columns of an `.npz` archive.
 
     Raises:
         BadFile: No archive of plain arrays, one array with several columns, or too large.
     """
     try:
-        archive = zipfile.ZipFile(path)
+        archive = zipfile.ZipFile(streams.BytesIO(file.content))
     except SPOILED as error:
-        raise spoiled(path, WORDS, error) from None
+        raise spoiled(file.name, WORDS, error) from None
     with archive:
         members = archive.infolist()
         names = [member.filename for member in members]
-        check_size(str(path), sum(member.file_size for member in members))
+        check_size(file.name, sum(member.file_size for member in members))
         twice = next((name for name, count in Counter(names).items() if count > 1), None)
         if twice is not None:
             raise BadFile(
-                f"{path}, array `{twice}`", found="the name twice", expected="every name once", remedy="Write it again."
+                f"{file.name}, array `{twice}`",
+                found="the name twice",
+                expected="every name once",
+                remedy="Write it again.",
             )
-        return sheet_of(path, list(_arrays(path, archive, members)), required)
+        return sheet_of(file.name, list(_arrays(file.name, archive, members)), required)
 
 
-def _arrays(path: Path, archive: zipfile.ZipFile, members: list[zipfile.ZipInfo]) -> Iterator[tuple[str, np.ndarray]]:
+def _arrays(source: str, archive: zipfile.ZipFile, members: list[zipfile.ZipInfo]) -> Iterator[tuple[str, np.ndarray]]:
     for member in members:
         name = member.filename.removesuffix(".npy")
         if name == member.filename:
             raise BadFile(
-                f"{path}, member `{name}`",
+                f"{source}, member `{name}`",
                 found="a file that is no array",
                 expected="files `name.npy`",
                 remedy="Write the archive with `numpy.savez`; export a spreadsheet as CSV in UTF-8.",
@@ -60,8 +64,8 @@ def _arrays(path: Path, archive: zipfile.ZipFile, members: list[zipfile.ZipInfo]
                 shape, _, dtype = _HEADERS[np.lib.format.read_magic(file)](file)
                 content = member.file_size - file.tell()
         except SPOILED as error:
-            raise spoiled(path, f"{WORDS} (array `{name}`)", error) from None
-        place = f"{path}, array `{name}`"
+            raise spoiled(source, f"{WORDS} (array `{name}`)", error) from None
+        place = f"{source}, array `{name}`"
         check_array(place, shape, "O" if dtype.hasobject else dtype.kind, dtype.itemsize)
         claimed = int(np.prod(shape, dtype=object)) * dtype.itemsize
         if claimed != content:
@@ -75,11 +79,11 @@ def _arrays(path: Path, archive: zipfile.ZipFile, members: list[zipfile.ZipInfo]
             with archive.open(member) as file:
                 yield name, np.lib.format.read_array(file, allow_pickle=False)
         except SPOILED as error:
-            raise spoiled(path, f"{WORDS} (array `{name}`)", error) from None
+            raise spoiled(source, f"{WORDS} (array `{name}`)", error) from None
 
 
-def write(path: Path, sheet: Sheet) -> None:
-    """Write columns, conditions and settings as plain arrays, bit for bit.
+def encode(sheet: Sheet) -> bytes:
+    """Columns, conditions and settings as plain arrays, bit for bit.
 
     Raises:
         BadName: A column named like a condition.
@@ -95,10 +99,9 @@ def write(path: Path, sheet: Sheet) -> None:
     refuse_names(sheet, [name for name in sheet.names if name in taken], "a name other than " + ", ".join(taken))
     spelled = map(title, sheet.names, sheet.units)
     arrays |= dict(zip(spelled, sheet.columns, strict=True))
-    try:
-        with zipfile.ZipFile(path, "w") as archive:
-            for name, values in arrays.items():
-                with archive.open(f"{name}.npy", "w", force_zip64=True) as file:
-                    np.lib.format.write_array(file, values, allow_pickle=False)
-    except OSError as error:
-        raise cannot_write(path, error) from None
+    made = streams.BytesIO()
+    with zipfile.ZipFile(made, "w") as archive:
+        for name, values in arrays.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as file:
+                np.lib.format.write_array(file, values, allow_pickle=False)
+    return made.getvalue()

@@ -6,7 +6,7 @@ header. `settings` is a text of lines `key: value`; `units` one of lines
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
+from pathlib import PurePath
 
 import numpy as np
 
@@ -44,7 +44,7 @@ def check_array(place: str, shape: Sequence[int], kind: str, itemsize: int) -> N
 
 
 def sheet_of(
-    path: Path, arrays: Iterable[tuple[str, np.ndarray]], required: Sequence[str] = (), units: Mapping[str, str] = {}
+    file: str, arrays: Iterable[tuple[str, np.ndarray]], required: Sequence[str] = (), units: Mapping[str, str] = {}
 ) -> Sheet:
     """A sheet from named arrays that `check_array` has passed.
 
@@ -55,13 +55,13 @@ def sheet_of(
     """
     entries, columns, given = [], {}, dict(units)
     for name, values in arrays:
-        place = f"{path}, key `{name}`"
+        place = f"{file}, key `{name}`"
         if values.dtype.kind == "U":
             text = _text(place, values)
             if name == SETTINGS:
-                entries += _pairs(path, name, text)
+                entries += _pairs(file, name, text)
             elif name == UNITS:
-                given |= {pair.key: pair.value for pair in _pairs(path, name, text)}
+                given |= {pair.key: pair.value for pair in _pairs(file, name, text)}
             else:
                 entries.append(Entry(name, " ".join(text.split("\n")), place))
         elif values.size == 1 and name not in required and values.ndim != 1:
@@ -69,21 +69,21 @@ def sheet_of(
         else:
             columns[name] = values
     spelled = list(columns)
-    names, written = titles(str(path), spelled)
+    names, written = titles(file, spelled)
     written = tuple(given.pop(name, unit) for name, unit in zip(names, written, strict=True))
-    require(str(path), names, required)
+    require(file, names, required)
     if given:
         raise BadName(
-            f"{path}, units of `{next(iter(given))}`",
+            f"{file}, units of `{next(iter(given))}`",
             found="a unit of no column",
             expected="one of " + ", ".join(names),
             remedy="Correct the name.",
         )
-    values = tuple(vector(path, name, columns[key]) for name, key in zip(names, spelled, strict=True))
-    return checked(Sheet(path, tuple(entries), names, written, values))
+    values = tuple(vector(columns[key]) for name, key in zip(names, spelled, strict=True))
+    return checked(Sheet(file, tuple(entries), names, written, values))
 
 
-def vector(path: Path, name: str, values: np.ndarray) -> np.ndarray:
+def vector(values: np.ndarray) -> np.ndarray:
     """A column of a file as float64 of this machine, one value per row."""
     with np.errstate(over="ignore"):
         return np.ascontiguousarray(values.reshape(-1), dtype=np.float64)
@@ -135,7 +135,7 @@ def refuse_names(sheet: Sheet, names: Iterable[str], words: str) -> None:
     for name in names:
         raise BadName(
             f"trace, channel {name!r}",
-            found=f"a name that {sheet.path.suffix} files cannot hold",
+            found=f"a name that {PurePath(sheet.file).suffix} files cannot hold",
             expected=words,
             remedy="Rename the channel, or write CSV.",
         )
@@ -156,10 +156,10 @@ def _text(place: str, values: np.ndarray) -> str:
     return "\n".join(str(line).rstrip() for line in native.ravel())
 
 
-def _pairs(path: Path, name: str, text: str) -> list[Entry]:
+def _pairs(file: str, name: str, text: str) -> list[Entry]:
     found = []
     for number, line in enumerate(text.split("\n"), 1):
-        place = f"{path}, key `{name}`, line {number}"
+        place = f"{file}, key `{name}`, line {number}"
         pair = entry(f"# {line}", place)
         if pair is None and line.strip():
             raise BadFile(

@@ -18,7 +18,7 @@ from jshell.shell.parameters import Scales
 
 SPHERE = 4 * np.pi / 3  # V0
 SLACK = 1e-3  # relative: what rounding, meshes and image processing may do to a sphere, unsaid
-ROOM = 0.02  # relative: what an overstretched wall or noise may add, with a warning; no slip of units is so small
+MAX_EXCESS = 0.02  # relative: what an overstretched wall or noise may add, with a warning; no slip of units is so small
 SIGMAS = 6.0  # standard errors that noise may add: one sample in 1e9 goes further
 
 Columns = dict[str, np.ndarray]
@@ -114,7 +114,7 @@ def check_values(columns: Columns, place: Place) -> None:
     hint = "Wrong units? Write `V [mm^3]` with SI conditions, or divide by R0^3."
     over = V / SPHERE - 1
     noise = SIGMAS * V_noise / SPHERE
-    _refuse_first("V", V, over > ROOM + noise, place, expected, hint)
+    _refuse_first("V", V, over > MAX_EXCESS + noise, place, expected, hint)
     _warn_worst("V", V, over, noise, place, "above the volume of the stress-free sphere")
     if "S" in columns:
         S, S_noise = columns["S"], columns.get("sigma_S", np.zeros(1))
@@ -123,7 +123,7 @@ def check_values(columns: Columns, place: Place) -> None:
             noise = np.nan_to_num(SIGMAS * (1 + lacking) * np.hypot(2 * V_noise / V, 3 * S_noise / S))
         expected = "S^3 >= 36 π V^2: no surface encloses this volume with less than a sphere's area"
         hint = "Check the units of V and S, and that they belong together."
-        _refuse_first("S", S, ~(lacking <= ROOM + noise), place, expected, hint)
+        _refuse_first("S", S, ~(lacking <= MAX_EXCESS + noise), place, expected, hint)
         _warn_worst("S", S, lacking, noise, place, "of S^3 short of the area of a sphere of that volume")
 
 

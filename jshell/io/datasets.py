@@ -3,7 +3,7 @@
 from importlib import resources
 from pathlib import Path
 
-from jshell.errors import BadName
+from jshell.errors import choose
 
 EXAMPLES = ("attached_R_HW.csv",)
 
@@ -23,7 +23,6 @@ def example(name: str) -> Path:
         >>> list(read_trace(example("attached_R_HW.csv")).channels)
         ['H', 'W']
     """
-    if name not in EXAMPLES:
-        raise BadName(f"example {name!r}", found="no such file", expected=" or ".join(EXAMPLES), remedy="Choose one.")
+    choose("example", name, EXAMPLES)
     checkout = Path(__file__).resolve().parents[2] / "data" / "examples" / name
     return checkout if checkout.exists() else Path(str(resources.files("jshell") / "examples" / name))

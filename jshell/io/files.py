@@ -2,18 +2,22 @@
 
 Only ordinary files are opened: a pipe may never end, a device certainly does
 not. Sizes are checked before anything is allocated, those that a compressed or
-binary file merely claims included.
+binary file merely claims included. Beyond this page a file is a name with
+bytes, wherever it came from.
 """
 
 import difflib
 import stat
 import struct
+import tempfile
 import tokenize
 import zipfile
 import zlib
+from collections.abc import Callable
 from pathlib import Path
 
 from jshell.errors import BadFile
+from jshell.files import NamedBytes, Source
 
 LIMIT = 2**29  # bytes: of a file, and of the numbers that it claims to hold
 # What the libraries that know a binary format raise on spoiled bytes: no word of theirs says where or why.
@@ -61,9 +65,13 @@ def check_file(path: Path) -> None:
         raise BadFile(
             str(path), found="a pipe or a device", expected="an ordinary file", remedy="Save what it gives to a file."
         )
-    if found.st_size == 0:
-        raise BadFile(str(path), found="an empty file", expected="text", remedy="Check how the file was written.")
-    check_size(str(path), found.st_size)
+    _check_bytes(str(path), found.st_size)
+
+
+def _check_bytes(name: str, size: int) -> None:
+    if size == 0:
+        raise BadFile(name, found="an empty file", expected="text", remedy="Check how the file was written.")
+    check_size(name, size)
 
 
 def check_size(place: str, size: float | int) -> None:
@@ -77,31 +85,66 @@ def check_size(place: str, size: float | int) -> None:
         )
 
 
-def read_text(path: str | Path) -> str:
+def read_bytes(source: Source) -> NamedBytes:
+    """A file with its bytes, from the disk unless they are here; its name is the path as it was given.
+
+    Raises:
+        BadFile: Missing, a directory, unreadable, empty, or too large.
+    """
+    if isinstance(source, NamedBytes):
+        _check_bytes(source.name, len(source.content))
+        return source
+    path = Path(source)
+    check_file(path)
+    return NamedBytes(str(path), path.read_bytes())
+
+
+def read_text(source: Source) -> str:
     """The text of a file, whatever its line ends and with or without a byte order mark.
 
     Raises:
         BadFile: Missing, a directory, unreadable, empty, too large, or not UTF-8 text.
     """
-    path = Path(path)
-    check_file(path)
-    raw = path.read_bytes()
+    file = read_bytes(source)
+    raw = bytes(file.content)
     if not raw.strip():
-        raise BadFile(str(path), found="an empty file", expected="text", remedy="Check how the file was written.")
+        raise BadFile(file.name, found="an empty file", expected="text", remedy="Check how the file was written.")
     try:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise _not_text(path, raw, error.start) from None
+        raise _not_text(file.name, raw, error.start) from None
     if "\0" in text:
-        raise _not_text(path, raw, raw.index(b"\0"))
+        raise _not_text(file.name, raw, raw.index(b"\0"))
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
-def spoiled(path: Path, words: str, error: BaseException | str) -> BadFile:
+def write_bytes(path: str | Path, content: bytes) -> None:
+    """Write a file.
+
+    Raises:
+        BadFile: Nothing can be written there.
+    """
+    try:
+        Path(path).write_bytes(content)
+    except OSError as error:
+        raise BadFile(
+            str(path), found=str(error), expected="a file that can be written", remedy="Check folder and permissions."
+        ) from None
+
+
+def bytes_written(name: str, write: Callable[[Path], object]) -> bytes:
+    """What `write` writes into a file of this name: for libraries that know no other place than a disk."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / name
+        write(path)
+        return path.read_bytes()
+
+
+def spoiled(name: str, words: str, error: BaseException | str) -> BadFile:
     """The refusal of a file that the library of its format cannot read."""
     reason = str(error).strip() or type(error).__name__
     return BadFile(
-        str(path),
+        name,
         found=f"bytes that are no {words}: {short(reason, 160)}",
         expected=f"a {words}",
         remedy="Copy or write the file again; if its name has the wrong suffix, rename it.",
@@ -116,13 +159,6 @@ def short(text: str, length: int = 40) -> str:
 def brief(text: str, length: int = 60) -> str:
     """A text cut to a bearable length."""
     return text if len(text) <= length else text[: length - 3] + "..."
-
-
-def cannot_write(path: str | Path, error: OSError) -> BadFile:
-    """The refusal of a file that cannot be written."""
-    return BadFile(
-        str(path), found=str(error), expected="a file that can be written", remedy="Check folder and permissions."
-    )
 
 
 # First bytes of files that are not text, in words, and what to do with them.
@@ -143,20 +179,14 @@ def looks_like(raw: bytes) -> tuple[str, str] | None:
     return next(((words, remedy) for start, words, remedy in _SIGNATURES if raw.startswith(start)), None)
 
 
-def first_bytes(path: Path) -> bytes:
-    """The first sixteen bytes of a file."""
-    with path.open("rb") as file:
-        return file.read(16)
-
-
-def _not_text(path: Path, raw: bytes, start: int) -> BadFile:
+def _not_text(name: str, raw: bytes, start: int) -> BadFile:
     line = raw.count(b"\n", 0, start) + 1
     known = looks_like(raw)
     found = f"byte 0x{raw[start]:02x}, which is not text"
     remedy = "Save the file as CSV in UTF-8; spreadsheets and NumPy files must be exported first."
     if known is not None:
         found, remedy = f"{found}: {known[0]}", f"To read it, {known[1]}."
-    return BadFile(f"{path}, row {line}", found=found, expected="UTF-8 text", remedy=remedy)
+    return BadFile(f"{name}, row {line}", found=found, expected="UTF-8 text", remedy=remedy)
 
 
 def _nearby(path: Path) -> str:

@@ -7,11 +7,12 @@ names. What is not text says so itself, and says what it looks like.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
+from pathlib import Path, PurePath
 
 from jshell.errors import BadName
+from jshell.files import NamedBytes, Source
 from jshell.io import archives, matlab, netcdf, objects, text
-from jshell.io.files import check_file
+from jshell.io.files import read_bytes, write_bytes
 from jshell.io.sheets import Sheet
 
 
@@ -19,13 +20,13 @@ from jshell.io.sheets import Sheet
 class Format:
     """How files of one suffix are read and written."""
 
-    read: Callable[[Path, Sequence[str]], Sheet]
-    write: Callable[[Path, Sheet], None]
+    read: Callable[[NamedBytes, Sequence[str]], Sheet]
+    encode: Callable[[Sheet], bytes]
 
 
-_COMMAS = Format(text.read, text.write)
-_TABS = Format(text.read, partial(text.write, mark="\t"))
-_NETCDF = Format(netcdf.read, netcdf.write)
+_COMMAS = Format(text.read, text.encode)
+_TABS = Format(text.read, partial(text.encode, mark="\t"))
+_NETCDF = Format(netcdf.read, netcdf.encode)
 FORMATS = {
     ".csv": _COMMAS,
     ".txt": _COMMAS,
@@ -33,15 +34,15 @@ FORMATS = {
     "": _COMMAS,
     ".tsv": _TABS,
     ".tab": _TABS,
-    ".json": Format(objects.read, objects.write),
+    ".json": Format(objects.read, objects.encode),
     ".nc": _NETCDF,
     ".nc4": _NETCDF,
-    ".mat": Format(matlab.read, matlab.write),
-    ".npz": Format(archives.read, archives.write),
+    ".mat": Format(matlab.read, matlab.encode),
+    ".npz": Format(archives.read, archives.encode),
 }
 
 
-def read_sheet(path: str | Path, required: Sequence[str] = ()) -> Sheet:
+def read_sheet(source: Source, required: Sequence[str] = ()) -> Sheet:
     """A file of columns as it stands, with at least the columns required.
 
     Raises:
@@ -49,9 +50,8 @@ def read_sheet(path: str | Path, required: Sequence[str] = ()) -> Sheet:
         BadName: A required column is missing.
         BadValue: A number that is NaN or infinite.
     """
-    path = Path(path)
-    check_file(path)
-    return FORMATS.get(path.suffix.lower(), _COMMAS).read(path, required)
+    file = read_bytes(source)
+    return FORMATS.get(file.suffix, _COMMAS).read(file, required)
 
 
 def check_suffix(path: str | Path, place: str = "") -> None:
@@ -70,12 +70,21 @@ def check_suffix(path: str | Path, place: str = "") -> None:
         )
 
 
+def encode_sheet(sheet: Sheet) -> NamedBytes:
+    """The file that a sheet describes, in the format of its name's suffix.
+
+    Raises:
+        BadName: A suffix of no format, or a name that the format cannot hold.
+    """
+    check_suffix(sheet.file)
+    return NamedBytes(sheet.file, FORMATS[PurePath(sheet.file).suffix.lower()].encode(sheet))
+
+
 def write_sheet(sheet: Sheet) -> None:
-    """Write columns into the file that the sheet names, in the format of its suffix.
+    """Write columns into the file that the sheet names.
 
     Raises:
         BadFile: The file cannot be written.
-        BadName: A suffix of no format, or a name that the format cannot hold.
+        BadName: As `encode_sheet`.
     """
-    check_suffix(sheet.path)
-    FORMATS[sheet.path.suffix.lower()].write(sheet.path, sheet)
+    write_bytes(sheet.file, bytes(encode_sheet(sheet).content))

@@ -8,16 +8,15 @@ Source     Mokbel et al. 2021, section "Description of relevant parameters"
 import json
 import re
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from jshell.errors import BadFile, BadName, BadUnits, BadValue, Outcome
+from jshell.files import Source
 from jshell.io.files import read_text, short
 from jshell.io.sheets import NUMBER, Entry
 from jshell.shell.parameters import Gas, Liquid, Load, Number, Reduced, Scales, Shell, scales
-from jshell.trace import CONDITION_FIELDS
 
 REDUCED_KEYS = ("d_hat", "P0_hat", "Pext_hat", "eta_hat")
 SI_KEYS = ("R0_m", "d_m", "E_Pa", "P0_Pa", "Pext_Pa", "rho_f_kg_m3", "eta_f_Pa_s")
@@ -52,11 +51,11 @@ _MADE_FROM = {
 _SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
 
 
-def read_conditions(path: str | Path) -> tuple[Reduced, Scales | None]:
+def read_conditions(path: Source) -> tuple[Reduced, Scales | None]:
     """The conditions in a JSON object with the keys of a trace's header.
 
     Args:
-        path: A JSON file, `{"d_hat": 0.22, "P0_hat": 0.9, …}` or with SI keys.
+        path: A JSON file, `{"d_hat": 0.22, "P0_hat": 0.9, …}` or with SI keys; or its name with its bytes.
 
     Returns:
         The problem, and the SI values of its units where the file gives SI.
@@ -78,16 +77,16 @@ def read_conditions(path: str | Path) -> tuple[Reduced, Scales | None]:
     return problem, units
 
 
-def read_entries(path: str | Path) -> tuple[Entry, ...]:
+def read_entries(source: Source) -> tuple[Entry, ...]:
     """Keys and values of a JSON object, as header entries.
 
     Raises:
         BadFile: Not a JSON object.
     """
-    return entries_of(parsed(path, read_text(path)), str(path))
+    return entries_of(parsed(str(source), read_text(source)), str(source))
 
 
-def parsed(path: str | Path, text: str) -> tuple[tuple[str, Any], ...]:
+def parsed(source: str, text: str) -> tuple[tuple[str, Any], ...]:
     """The pairs of a JSON object, repeated keys included; objects inside are tuples of pairs, too.
 
     Raises:
@@ -99,16 +98,16 @@ def parsed(path: str | Path, text: str) -> tuple[tuple[str, Any], ...]:
             json.dumps(pairs, ensure_ascii=False).encode()
     except json.JSONDecodeError as error:
         raise BadFile(
-            f"{path}, row {error.lineno}, position {error.colno}",
+            f"{source}, row {error.lineno}, position {error.colno}",
             found=error.msg,
             expected="a JSON object",
             remedy="Check commas, quotes and braces there.",
         ) from None
     except (ValueError, RecursionError) as error:
-        raise BadFile(str(path), found=str(error), expected="a JSON object", remedy="Simplify the file.") from None
+        raise BadFile(source, found=str(error), expected="a JSON object", remedy="Simplify the file.") from None
     if not isinstance(pairs, tuple):
         raise BadFile(
-            str(path),
+            source,
             found=f"a JSON {type(pairs).__name__}",
             expected="a JSON object",
             remedy='Write `{"d_hat": 0.22, …}`.',
@@ -158,7 +157,7 @@ def conditions(entries: Sequence[Entry], source: str) -> tuple[Reduced | None, S
         )
     number = {key: _number(entry) for key, entry in given.items()}
     try:
-        return _si_problem(number) if si else (_reduced_problem(number), None)
+        return _si_problem(number) if si else (Reduced.from_dict(number), None)
     except BadValue as error:
         raise _placed(error, given, source) from None
     except ArithmeticError:
@@ -231,7 +230,8 @@ def refuse_equals_signs(comments: Sequence[Entry]) -> None:
 
 def reduced_pairs(problem: Reduced) -> list[tuple[str, str]]:
     """Keys and values of a problem without units."""
-    return _written(tuple(CONDITION_FIELDS), [getattr(problem, name) for name in CONDITION_FIELDS.values()])
+    numbers = problem.as_dict()
+    return _written(tuple(numbers), tuple(numbers.values()))
 
 
 def si_pairs(problem: Reduced, unit: Scales) -> list[tuple[str, str]]:
@@ -244,10 +244,6 @@ def si_pairs(problem: Reduced, unit: Scales) -> list[tuple[str, str]]:
 
 def _written(keys: Sequence[str], numbers: Sequence[Number]) -> list[tuple[str, str]]:
     return [(key, repr(float(number))) for key, number in zip(keys, numbers, strict=True)]
-
-
-def _reduced_problem(number: dict[str, float]) -> Reduced:
-    return Reduced(**{CONDITION_FIELDS[key]: value for key, value in number.items()})
 
 
 def _si_problem(number: dict[str, float]) -> tuple[Reduced, Scales]:

@@ -8,19 +8,20 @@ files, and because every length must be checked before memory is asked for.
 Source     MAT-File Format, The MathWorks, chapter 1 (level 5)
 """
 
+import io as streams
 import re
 import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import scipy.io
 
 from jshell.errors import BadFile
+from jshell.files import NamedBytes
 from jshell.io.arrays import SETTINGS, UNITS, check_array, refuse_names, settings_text, sheet_of
-from jshell.io.files import LIMIT, SPOILED, cannot_write, check_size, first_bytes, spoiled
+from jshell.io.files import LIMIT, SPOILED, check_size, spoiled
 from jshell.io.headers import CONDITION_KEYS
 from jshell.io.sheets import Sheet
 
@@ -42,35 +43,35 @@ class _Element:
     data: memoryview
 
 
-def read(path: Path, required: Sequence[str] = ()) -> Sheet:
+def read(file: NamedBytes, required: Sequence[str] = ()) -> Sheet:
     """Columns of a `.mat` file.
 
     Raises:
         BadFile: No such file, of version 7.3, cells or structures, one array with several columns, or too large.
     """
-    if not first_bytes(path).startswith(b"MATLAB 5.0"):
+    raw = memoryview(file.content)
+    if bytes(raw[:10]) != b"MATLAB 5.0":
         raise BadFile(
-            str(path),
+            file.name,
             found="another file, or MATLAB's version 7.3 or 4",
             expected=f"a {WORDS}",
             remedy="In MATLAB, save it with `save('trace.mat', 't', 'V', '-v7')`.",
         )
-    raw = memoryview(path.read_bytes())
     found: dict[str, np.ndarray] = {}
-    for name, values in _variables(path, raw):
+    for name, values in _variables(file.name, raw):
         if name in found:
             raise BadFile(
-                f"{path}, variable `{name}`",
+                f"{file.name}, variable `{name}`",
                 found="the name twice",
                 expected="every name once",
                 remedy="Save it again.",
             )
         found[name] = values
-    return sheet_of(path, found.items(), required)
+    return sheet_of(file.name, found.items(), required)
 
 
-def write(path: Path, sheet: Sheet) -> None:
-    """Write columns, conditions and settings as variables, numbers bit for bit.
+def encode(sheet: Sheet) -> bytes:
+    """Columns, conditions and settings as variables, numbers bit for bit.
 
     Raises:
         BadName: A name that is no MATLAB variable, or that a condition has.
@@ -86,17 +87,15 @@ def write(path: Path, sheet: Sheet) -> None:
     if any(unit is not None for unit in sheet.units):
         variables[UNITS] = "\n".join(f"{name}: {unit}" for name, unit in zip(sheet.names, sheet.units, strict=True))
     variables |= dict(zip(sheet.names, sheet.columns, strict=True))
-    try:
-        with path.open("wb") as file:
-            scipy.io.savemat(file, variables, oned_as="column")
-    except OSError as error:
-        raise cannot_write(path, error) from None
+    made = streams.BytesIO()
+    scipy.io.savemat(made, variables, oned_as="column")
+    return made.getvalue()
 
 
-def _variables(path: Path, raw: memoryview) -> Iterator[tuple[str, np.ndarray]]:
+def _variables(source: str, raw: memoryview) -> Iterator[tuple[str, np.ndarray]]:
     order = {b"IM": "<", b"MI": ">"}.get(bytes(raw[126:HEADER]))
     if order is None:
-        raise spoiled(path, WORDS, "no mark of the byte order in its header")
+        raise spoiled(source, WORDS, "no mark of the byte order in its header")
     total = 0
     try:
         for element in _elements(raw[HEADER:], order):
@@ -104,17 +103,17 @@ def _variables(path: Path, raw: memoryview) -> Iterator[tuple[str, np.ndarray]]:
                 packed = zlib.decompressobj()
                 data = packed.decompress(element.data, LIMIT - total + 1)
                 total += len(data)
-                check_size(str(path), total)
+                check_size(source, total)
                 element = next(_elements(memoryview(data), order))
             if element.kind != MATRIX:
                 raise ValueError(f"an element of type {element.kind} where a variable should stand")
-            name, values = _variable(path, element.data, order)
+            name, values = _variable(source, element.data, order)
             if name:  # MATLAB keeps what belongs to functions under no name
                 yield name, values
     except BadFile:
         raise
     except SPOILED as error:
-        raise spoiled(path, WORDS, error) from None
+        raise spoiled(source, WORDS, error) from None
 
 
 def _elements(data: memoryview, order: str) -> Iterator[_Element]:
@@ -133,7 +132,7 @@ def _elements(data: memoryview, order: str) -> Iterator[_Element]:
         at = end
 
 
-def _variable(path: Path, data: memoryview, order: str) -> tuple[str, np.ndarray]:
+def _variable(source: str, data: memoryview, order: str) -> tuple[str, np.ndarray]:
     parts = _elements(data, order)
     flags = int(np.frombuffer(next(parts).data, order + "u4", 2)[0])
     shape = [int(size) for size in np.frombuffer(next(parts).data, order + "i4")]
@@ -144,7 +143,7 @@ def _variable(path: Path, data: memoryview, order: str) -> tuple[str, np.ndarray
         return "", np.empty(0)
     if min(shape, default=-1) < 0:
         raise ValueError(f"the shape {tuple(shape)}")
-    check_array(f"{path}, variable `{name}`", [1] if kind == "U" else shape, kind, 8)
+    check_array(f"{source}, variable `{name}`", [1] if kind == "U" else shape, kind, 8)
     part = next(parts, _Element(9, memoryview(b"")))
     if kind == "U":
         return name, np.asarray(_letters(part, shape, order))

@@ -4,16 +4,17 @@ What `Trace.to_xarray` makes, `Dataset.to_netcdf` of it and the files written
 here are the same thing. Packed numbers are refused, not unpacked.
 """
 
+import io as streams
 import re
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from jshell.errors import BadFile, MissingExtra
+from jshell.errors import BadFile, require_extra
+from jshell.files import NamedBytes
 from jshell.io.arrays import SETTINGS, check_array, refuse_names, settings_text, sheet_of
-from jshell.io.files import SPOILED, cannot_write, check_size, first_bytes, looks_like, spoiled
+from jshell.io.files import SPOILED, check_size, looks_like, spoiled
 from jshell.io.headers import CONDITION_KEYS
 from jshell.io.sheets import Sheet, title
 
@@ -24,48 +25,50 @@ _NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable"
 _PACKED = ("scale_factor", "add_offset", "_FillValue", "missing_value")
 
 
-def read(path: Path, required: Sequence[str] = ()) -> Sheet:
+def read(source: NamedBytes, required: Sequence[str] = ()) -> Sheet:
     """Columns of a NetCDF file.
 
     Raises:
         BadFile: No NetCDF 4, packed numbers or fill values, several dimensions, links to other files, or too large.
         MissingExtra: h5netcdf is not installed.
     """
-    _h5netcdf()
+    require_extra("h5netcdf", "io", "NetCDF files")
     import h5py  # the library under h5netcdf: it tells where the numbers lie before any is read
 
-    start = first_bytes(path)
+    start = bytes(source.content[:16])
     if not start.startswith(b"\x89HDF"):
         known = looks_like(start)
         raise BadFile(
-            str(path),
+            source.name,
             found=known[0] if known else "a file of another kind",
             expected=f"a {WORDS}",
             remedy=f"If that is right, {known[1]}." if known else "Check how the file was written.",
         )
     try:
-        with h5py.File(path, "r") as file:
-            header = [(f"{path}, attribute `{key}`", key, _array(file.attrs[key])) for key in _own(file.attrs)]
-            columns, units = _columns(path, file)
+        with h5py.File(streams.BytesIO(source.content), "r") as file:
+            header = [(f"{source}, attribute `{key}`", key, _array(file.attrs[key])) for key in _own(file.attrs)]
+            columns, units = _columns(source.name, file)
     except BadFile:
         raise
     except SPOILED as error:
-        raise spoiled(path, WORDS, error) from None
+        raise spoiled(source.name, WORDS, error) from None
     for place, _, value in header:
         check_array(place, value.shape, value.dtype.kind, value.dtype.itemsize)
     pure = all(unit == PURE for unit in units.values())
     spelled = {name: None if pure else ("-" if unit == PURE else unit) for name, unit in units.items()}
     words = [(key, value.reshape(())) for _, key, value in header if value.size == 1]
-    return sheet_of(path, [*words, *((title(name, spelled.get(name)), x) for name, x in columns.items())], required)
+    return sheet_of(
+        source.name, [*words, *((title(name, spelled.get(name)), x) for name, x in columns.items())], required
+    )
 
 
-def _columns(path: Path, file: Any) -> tuple[dict[str, np.ndarray], dict[str, str]]:
+def _columns(source: str, file: Any) -> tuple[dict[str, np.ndarray], dict[str, str]]:
     """The variables of a file, and the units of those that name them."""
     import h5py
 
     columns, units, total = {}, {}, 0.0
     for name in file:
-        place = f"{path}, variable `{name}`"
+        place = f"{source}, variable `{name}`"
         found = file[name] if isinstance(file.get(name, getlink=True), h5py.HardLink) else None
         if not isinstance(found, h5py.Dataset) or found.external or found.is_virtual:
             raise BadFile(
@@ -79,7 +82,7 @@ def _columns(path: Path, file: Any) -> tuple[dict[str, np.ndarray], dict[str, st
             continue
         check_array(place, found.shape, found.dtype.kind, found.dtype.itemsize)
         total += 8.0 * float(np.prod([float(size) for size in found.shape]))
-        check_size(str(path), total)
+        check_size(source, total)
         columns[str(name)] = np.asarray(found[...])
         _refuse_packed(place, {key: attributes[key] for key in _PACKED if key in attributes}, columns[str(name)])
         if "units" in attributes:
@@ -87,33 +90,32 @@ def _columns(path: Path, file: Any) -> tuple[dict[str, np.ndarray], dict[str, st
     return columns, units
 
 
-def write(path: Path, sheet: Sheet) -> None:
-    """Write columns bit for bit, conditions and settings as attributes.
+def encode(sheet: Sheet) -> bytes:
+    """Columns bit for bit, conditions and settings as attributes.
 
     Raises:
         BadName: A name that NetCDF does not allow.
         MissingExtra: h5netcdf is not installed.
     """
-    h5netcdf = _h5netcdf()
+    h5netcdf = require_extra("h5netcdf", "io", "NetCDF files")
     refuse_names(sheet, [name for name in sheet.names if not NAME.fullmatch(name)], "a word without slashes")
     pure = all(unit is None for unit in sheet.units)
     rest = [item for item in sheet.entries if item.key not in (*CONDITION_KEYS, "outcome")]
-    try:
-        with h5netcdf.File(path, "w") as file:
-            file.dimensions = {"t": sheet.columns[0].size}
-            for name, unit, values in zip(sheet.names, sheet.units, sheet.columns, strict=True):
-                variable = file.create_variable(name, ("t",), np.float64)
-                variable[:] = values
-                variable.attrs["units"] = PURE if pure or unit == "-" else str(unit)
-            for item in sheet.entries:
-                if item.key in CONDITION_KEYS:
-                    file.attrs[item.key] = float(item.value)
-                elif item.key == "outcome":
-                    file.attrs[item.key] = item.value
-            if rest:
-                file.attrs[SETTINGS] = settings_text(rest)
-    except OSError as error:
-        raise cannot_write(path, error) from None
+    made = streams.BytesIO()
+    with h5netcdf.File(made, "w") as file:
+        file.dimensions = {"t": sheet.columns[0].size}
+        for name, unit, values in zip(sheet.names, sheet.units, sheet.columns, strict=True):
+            variable = file.create_variable(name, ("t",), np.float64)
+            variable[:] = values
+            variable.attrs["units"] = PURE if pure or unit == "-" else str(unit)
+        for item in sheet.entries:
+            if item.key in CONDITION_KEYS:
+                file.attrs[item.key] = float(item.value)
+            elif item.key == "outcome":
+                file.attrs[item.key] = item.value
+        if rest:
+            file.attrs[SETTINGS] = settings_text(rest)
+    return made.getvalue()
 
 
 def _refuse_packed(place: str, own: dict[str, Any], values: np.ndarray) -> None:
@@ -142,16 +144,3 @@ def _array(value: Any) -> np.ndarray:
 
 def _text(value: Any) -> str:
     return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
-
-
-def _h5netcdf() -> Any:
-    try:
-        import h5netcdf
-    except ImportError:
-        raise MissingExtra(
-            "NetCDF files",
-            found="no h5netcdf",
-            expected="the extra `io`",
-            remedy="Install it: pip install 'jshell[io]'.",
-        ) from None
-    return h5netcdf

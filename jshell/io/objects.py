@@ -7,21 +7,21 @@ carry units, `"V [mm^3]"`. Numbers keep all their digits.
 import json
 import math
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from jshell.errors import BadFile, BadName, BadValue
+from jshell.files import NamedBytes
 from jshell.io.arrays import checked
-from jshell.io.files import cannot_write, read_text, short
+from jshell.io.files import read_text, short
 from jshell.io.headers import CONDITION_KEYS, entries_of, parsed
 from jshell.io.sheets import Sheet, require, title, titles
 
 COLUMNS = "columns"
 
 
-def read(path: Path, required: Sequence[str] = ()) -> Sheet:
+def read(file: NamedBytes, required: Sequence[str] = ()) -> Sheet:
     """Columns of a JSON file.
 
     Raises:
@@ -29,24 +29,24 @@ def read(path: Path, required: Sequence[str] = ()) -> Sheet:
         BadName: A required column is missing.
         BadValue: A number that is NaN or infinite.
     """
-    pairs = parsed(path, read_text(path))
+    pairs = parsed(file.name, read_text(file))
     found = [value for key, value in pairs if key == COLUMNS]
     if len(found) != 1 or not isinstance(found[0], tuple):
         raise BadFile(
-            f"{path}, key `{COLUMNS}`",
+            f"{file}, key `{COLUMNS}`",
             found="no JSON object" if not found else f"{len(found)} of them" if len(found) > 1 else "another value",
             expected="one object of lists of numbers",
             remedy='Write `{"columns": {"t": […], "V": […]}}`.',
         )
-    names, units = titles(str(path), [str(key) for key, _ in found[0]])
-    require(str(path), names, required)
-    columns = tuple(_column(path, name, values) for name, (_, values) in zip(names, found[0], strict=True))
+    names, units = titles(file.name, [str(key) for key, _ in found[0]])
+    require(file.name, names, required)
+    columns = tuple(_column(file.name, name, values) for name, (_, values) in zip(names, found[0], strict=True))
     rest = [pair for pair in pairs if pair[0] != COLUMNS]
-    return checked(Sheet(path, entries_of(rest, str(path)), names, units, columns))
+    return checked(Sheet(file.name, entries_of(rest, file.name), names, units, columns))
 
 
-def write(path: Path, sheet: Sheet) -> None:
-    """Write columns, conditions and settings as one JSON object, bit for bit.
+def encode(sheet: Sheet) -> bytes:
+    """Columns, conditions and settings as one JSON object, bit for bit.
 
     Raises:
         BadName: A setting that stands twice, or one called `columns`.
@@ -65,18 +65,14 @@ def write(path: Path, sheet: Sheet) -> None:
     }
     spelled = map(title, sheet.names, sheet.units)
     record[COLUMNS] = {name: values.tolist() for name, values in zip(spelled, sheet.columns, strict=True)}
-    try:
-        with path.open("w", encoding="utf-8", newline="\n") as file:
-            file.write(json.dumps(record, ensure_ascii=False, allow_nan=False) + "\n")
-    except OSError as error:
-        raise cannot_write(path, error) from None
+    return (json.dumps(record, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 
-def _column(path: Path, name: str, values: Any) -> np.ndarray:
+def _column(source: str, name: str, values: Any) -> np.ndarray:
     """A list of numbers as an array; the slow walk happens only to place an error."""
     if not isinstance(values, list):
         raise BadFile(
-            f"{path}, column `{name}`",
+            f"{source}, column `{name}`",
             found=short(str(values)),
             expected="a list of numbers",
             remedy="Write `[0.0, 0.1, …]`.",
@@ -87,7 +83,7 @@ def _column(path: Path, name: str, values: Any) -> np.ndarray:
         except OverflowError:
             pass  # an integer above 1e308: the walk below places it
     for at, value in enumerate(values):
-        place = f"{path}, row {at + 1}, column `{name}`"
+        place = f"{source}, row {at + 1}, column `{name}`"
         if type(value) not in (int, float):
             raise BadFile(
                 place,

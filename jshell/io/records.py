@@ -12,11 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from jshell.errors import BadFile, MissingExtra
-from jshell.shell.parameters import Reduced, Scales
+from jshell.errors import BadFile, require_extra
+from jshell.files import NamedBytes, Source
+from jshell.shell.parameters import CONDITION_FIELDS, Reduced, Scales
 from jshell.trace import Trace
 
 SCHEMA = 1
+CONDITIONS = tuple(CONDITION_FIELDS.values())
 FORMAT = "jshell record"
 
 
@@ -32,9 +34,9 @@ def write_record(path: str | Path, kind: str, content: Mapping[str, Any]) -> Pat
         BadFile: Nothing can be written there.
     """
     path = Path(path)
-    whole = {"format": FORMAT, "schema": SCHEMA, "kind": kind, **plain(dict(content))}
+    whole = encode_record(kind, content)
     try:
-        path.write_text(json.dumps(whole, ensure_ascii=False, allow_nan=False, indent=1) + "\n", encoding="utf-8")
+        path.write_bytes(whole)
     except OSError as error:
         raise BadFile(
             str(path), found=error.strerror or "an error", expected="a file in a folder that exists", remedy="Check it."
@@ -42,34 +44,41 @@ def write_record(path: str | Path, kind: str, content: Mapping[str, Any]) -> Pat
     return path
 
 
-def read_record(path: str | Path, kind: str) -> dict[str, Any]:
-    """Read a record of a kind.
+def encode_record(kind: str, content: Mapping[str, Any]) -> bytes:
+    """A record as the file that `write_record` would write, without writing it."""
+    whole = {"format": FORMAT, "schema": SCHEMA, "kind": kind, **plain(dict(content))}
+    return (json.dumps(whole, ensure_ascii=False, allow_nan=False, indent=1) + "\n").encode()
+
+
+def read_record(source: Source, kind: str) -> dict[str, Any]:
+    """Read a record of a kind, from a file or from a name with bytes.
 
     Raises:
         BadFile: No such file, not JSON, not a record, another kind, or a schema of a later jshell.
     """
-    path = Path(path)
+    place = str(source)
     try:
-        whole = json.loads(path.read_text(encoding="utf-8"))
+        content = source.content if isinstance(source, NamedBytes) else Path(source).read_bytes()
+        whole = json.loads(bytes(content).decode())
     except OSError as error:
-        raise BadFile(str(path), found=error.strerror or "an error", expected="a file", remedy="Check it.") from error
+        raise BadFile(place, found=error.strerror or "an error", expected="a file", remedy="Check it.") from error
     except (json.JSONDecodeError, UnicodeDecodeError) as error:
         raise BadFile(
-            str(path), found=f"no JSON ({error})", expected="a record", remedy="Save the result again."
+            place, found=f"no JSON ({error})", expected="a record", remedy="Save the result again."
         ) from error
     if not isinstance(whole, dict) or whole.get("format") != FORMAT:
         raise BadFile(
-            str(path), found="JSON of another make", expected=f"format {FORMAT!r}", remedy="Write it with result.save."
+            place, found="JSON of another make", expected=f"format {FORMAT!r}", remedy="Write it with result.save."
         )
     if whole.get("schema") != SCHEMA:
         raise BadFile(
-            str(path),
+            place,
             found=f"schema {whole.get('schema')!r}",
             expected=f"schema {SCHEMA}",
             remedy="Read it with the jshell that wrote it, or a later one.",
         )
     if whole.get("kind") != kind:
-        raise BadFile(str(path), found=f"a record of kind {whole.get('kind')!r}", expected=kind, remedy="Check it.")
+        raise BadFile(place, found=f"a record of kind {whole.get('kind')!r}", expected=kind, remedy="Check it.")
     return whole
 
 
@@ -120,7 +129,6 @@ def trace_record(trace: Trace) -> dict[str, Any]:
     }
 
 
-CONDITIONS = ("thickness", "gas_pressure", "outer_pressure", "viscosity", "kappa", "poisson_ratio")
 SCALES = ("length", "pressure", "density")
 
 
@@ -151,13 +159,8 @@ def write_groups(
     Raises:
         MissingExtra: xarray or h5netcdf is not installed.
     """
-    try:
-        import h5netcdf  # noqa: F401
-        import xarray
-    except ImportError:
-        raise MissingExtra(
-            "NetCDF", found="no xarray and h5netcdf", expected="the extra `io`", remedy="pip install 'jshell[io]'"
-        ) from None
+    require_extra("h5netcdf", "io", "NetCDF")
+    xarray = require_extra("xarray", "io", "NetCDF")
     tree = {f"/{name}": xarray.Dataset(dict(rows)) for name, rows in groups.items()}
     tree["/"] = xarray.Dataset(attrs=facts)
     xarray.DataTree.from_dict(tree).to_netcdf(Path(path), engine="h5netcdf")

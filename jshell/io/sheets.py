@@ -7,7 +7,6 @@ so that whoever refuses a value later can say where it is.
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 
@@ -40,7 +39,7 @@ class Sheet:
     """Columns of a file, read but not interpreted; or what a file is to hold.
 
     Attributes:
-        path: The file.
+        file: Its name.
         entries: Its `key: value` pairs, in order.
         names: Column names without units.
         units: Unit of each column as written, None where there is none.
@@ -50,7 +49,7 @@ class Sheet:
         row_of: Sample to the place of its row, such as `row 12`.
     """
 
-    path: Path
+    file: str
     entries: tuple[Entry, ...]
     names: tuple[str, ...]
     units: tuple[str | None, ...]
@@ -62,7 +61,7 @@ class Sheet:
     def place(self, name: str, sample: int | None = None) -> str:
         """Where a column, or one sample of it, stands."""
         row = self.head if sample is None else self.row_of(sample)
-        return ", ".join(part for part in (str(self.path), row, f"column `{brief(name)}`") if part)
+        return ", ".join(part for part in (self.file, row, f"column `{brief(name)}`") if part)
 
 
 def entry(line: str, place: str) -> Entry | None:

@@ -15,23 +15,25 @@ from pathlib import Path
 import jax
 import numpy as np
 
-from jshell.errors import BadFile, BadName, BadShape, BadUnits, BadValue, Outcome
+from jshell.errors import BadFile, BadName, BadShape, BadUnits, BadValue, Outcome, choose
+from jshell.files import NamedBytes, Source
 from jshell.io import headers
 from jshell.io.columns import Columns, check_finite, check_roles, check_times, check_values, dimensionless
-from jshell.io.formats import read_sheet, write_sheet
+from jshell.io.formats import encode_sheet, read_sheet, write_sheet
 from jshell.io.plausibility import warn_of_slips
 from jshell.io.sheets import HALVES, Entry, Sheet, entry
 from jshell.io.units import SIGMA, dimension_of, si_unit
-from jshell.shell.parameters import Reduced, Scales
+from jshell.shell.parameters import CONDITION_FIELDS, Reduced, Scales
 from jshell.trace import Trace, Values
 
 
-def read_trace(path: str | Path, meta: str | Path | None = None) -> Trace:
+def read_trace(path: Source, meta: Source | None = None) -> Trace:
     """A trace from a file of columns.
 
     Args:
-        path: The file: a column `t`, at least one channel, at least two rows. The suffix tells the format:
-            `.json`, `.nc`, `.mat`, `.npz`; every other is text with commas, semicolons or tabs.
+        path: The file, or its name with its bytes: a column `t`, at least one channel, at least two rows. The
+            suffix tells the format: `.json`, `.nc`, `.mat`, `.npz`; every other is text with commas, semicolons or
+            tabs.
         meta: A JSON file with the keys of a header, for files without conditions. Where both have
             conditions they must agree.
 
@@ -49,7 +51,11 @@ def read_trace(path: str | Path, meta: str | Path | None = None) -> Trace:
     Warns:
         RangeWarning: A volume or area slightly beyond the sphere's; columns that a slip of units would explain.
     """
-    sheet = read_sheet(path, ("t",))
+    return trace_of_sheet(read_sheet(path, ("t",)), meta)
+
+
+def trace_of_sheet(sheet: Sheet, meta: Source | None = None) -> Trace:
+    """The trace that a file's columns stand for; as `read_trace`, for who needs the columns as they stand as well."""
     headers.refuse_equals_signs(sheet.comments)
     extra = () if meta is None else headers.read_entries(meta)
     problem, unit = _agreed(sheet, extra, meta)
@@ -62,7 +68,7 @@ def read_trace(path: str | Path, meta: str | Path | None = None) -> Trace:
     check_roles(list(channels), list(sigma), sheet.place)
     if times.size == 1:
         raise BadFile(
-            str(path), found="a single row of numbers", expected="at least two", remedy="Use a longer record."
+            sheet.file, found="a single row of numbers", expected="at least two", remedy="Use a longer record."
         )
     check_times(times, sheet.place)
     check_values(columns, sheet.place)
@@ -75,12 +81,12 @@ def read_trace(path: str | Path, meta: str | Path | None = None) -> Trace:
 
 
 def read_table(
-    path: str | Path, required: Sequence[str] = (), optional: Sequence[str] | None = None
+    path: Source, required: Sequence[str] = (), optional: Sequence[str] | None = None
 ) -> dict[str, np.ndarray]:
     """The columns of a file that need not be a record in time.
 
     Args:
-        path: The file.
+        path: The file, or its name with its bytes.
         required: Columns it must have.
         optional: Columns it may have beside them; None allows any.
 
@@ -106,7 +112,7 @@ def read_table(
                 )
     # A table may vary what a header would fix, so its conditions matter only where there are units.
     with_units = any(unit is not None for unit in sheet.units)
-    unit = headers.conditions(sheet.entries, str(path))[1] if with_units else None
+    unit = headers.conditions(sheet.entries, sheet.file)[1] if with_units else None
     columns = dimensionless(sheet, unit)
     check_values(columns, sheet.place)
     return columns
@@ -132,12 +138,30 @@ def write_trace(path: str | Path, trace: Trace, units: str = "reduced") -> None:
         BadUnits: SI asked of a trace without scales or conditions.
         BadValue: Values that the reader would refuse.
     """
-    path = Path(path)
+    write_sheet(_sheet_of_trace(str(path), trace, units))
+
+
+def encode_trace(name: str, trace: Trace, units: str = "reduced") -> NamedBytes:
+    """A trace as the file that `write_trace` would write, without writing it.
+
+    Args:
+        name: Of the file; its suffix tells the format.
+        trace: As for `write_trace`.
+        units: As for `write_trace`.
+
+    Raises:
+        BadName, BadShape, BadUnits, BadValue: As `write_trace`.
+    """
+    return encode_sheet(_sheet_of_trace(name, trace, units))
+
+
+def _sheet_of_trace(file: str, trace: Trace, units: str) -> Sheet:
+    choose("units", units, ("reduced", "si"), expected="reduced or si")
     columns = _checked(trace)
     spelled: tuple[str | None, ...] = tuple(None for _ in columns)
     if units == "reduced":
         header = [] if trace.conditions is None else headers.reduced_pairs(trace.conditions)
-    elif units == "si":
+    else:
         if trace.scales is None or trace.conditions is None:
             missing = "scales" if trace.scales is None else "conditions"
             raise BadUnits(
@@ -151,28 +175,24 @@ def write_trace(path: str | Path, trace: Trace, units: str = "reduced") -> None:
         with np.errstate(over="ignore", under="ignore"):
             columns = {name: values * trace.scales.of(dimension_of(name)) for name, values in columns.items()}
         check_finite(columns, _sample)
-    else:
-        raise BadName(
-            "argument `units`", found=repr(units), expected="reduced or si", remedy="Choose one of the two words."
-        )
     for key, value in trace.settings:
         _check_setting(key, value)
     header = [*header, ("outcome", Outcome(int(trace.outcome)).word), *trace.settings]
     entries = tuple(Entry(key, value, "trace") for key, value in header)
-    write_sheet(Sheet(path, entries, tuple(columns), spelled, tuple(columns.values())))
+    return Sheet(file, entries, tuple(columns), spelled, tuple(columns.values()))
 
 
-def _agreed(sheet: Sheet, extra: Sequence[Entry], meta: str | Path | None) -> tuple[Reduced | None, Scales | None]:
+def _agreed(sheet: Sheet, extra: Sequence[Entry], meta: Source | None) -> tuple[Reduced | None, Scales | None]:
     """Conditions of the file, or else of `meta`; where both have them they must agree."""
-    problem, unit = headers.conditions(sheet.entries, str(sheet.path))
+    problem, unit = headers.conditions(sheet.entries, sheet.file)
     other, other_unit = headers.conditions(extra, str(meta))
     if problem is None or other is None:
         return (other, other_unit) if problem is None else (problem, unit)
-    for name in ("thickness", "gas_pressure", "outer_pressure", "viscosity", "kappa", "poisson_ratio"):
+    for name in CONDITION_FIELDS.values():
         ours, theirs = getattr(problem, name), getattr(other, name)
         if not np.isclose(ours, theirs, rtol=1e-9, atol=0):
             raise BadValue(
-                f"{sheet.path} and {meta}",
+                f"{sheet.file} and {meta}",
                 found=f"{name} {ours:.10g} in one and {theirs:.10g} in the other",
                 expected="the same conditions",
                 remedy="Remove the conditions from one of the two files.",

@@ -1,20 +1,21 @@
 """Columns in text: CSV and its cousins with semicolons, tabs and decimal commas.
 
-NumPy reads the numbers in one go, straight from the file; the slow walk through
-the lines happens only to place an error. The row of names tells the separator.
+NumPy reads the numbers in one go; the slow walk through the lines happens only
+to place an error. The row of names tells the separator.
 With semicolons or tabs the decimal mark may be a comma, then in every cell.
 """
 
+import io as streams
 import re
 from collections.abc import Iterator, Sequence
 from itertools import islice
-from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
 from jshell.errors import BadFile, BadValue
-from jshell.io.files import cannot_write, check_file, read_text, short
+from jshell.files import NamedBytes
+from jshell.io.files import read_text, short
 from jshell.io.sheets import NUMBER, SEPARATORS, Entry, Sheet, entry, require, title, titles
 
 STRETCH = 4096  # lines passed over at once on the way to an error
@@ -24,7 +25,7 @@ NOT_FINITE = re.compile(r"[+-]?(nan|inf|infinity)", re.ASCII | re.IGNORECASE)
 _BRACKETS = re.compile(r"\[[^\[\]]*\]")
 
 
-def read(path: Path, required: Sequence[str] = ()) -> Sheet:
+def read(file: NamedBytes, required: Sequence[str] = ()) -> Sheet:
     """Columns of a text file.
 
     Raises:
@@ -32,13 +33,12 @@ def read(path: Path, required: Sequence[str] = ()) -> Sheet:
         BadName: A required column is missing.
         BadValue: A cell that is NaN or infinite.
     """
-    check_file(path)
     entries, comments = [], []
     try:
-        for number, line in enumerate(_lines(path), 1):
-            place = f"{path}, row {number}"
+        for number, line in enumerate(_lines(file), 1):
+            place = f"{file}, row {number}"
             if "\0" in line or len(line) > LONGEST:
-                read_text(path)  # says which byte is no text
+                read_text(file)  # says which byte is no text
                 raise BadFile(
                     place,
                     found=f"a line of more than {LONGEST} characters",
@@ -61,40 +61,37 @@ def read(path: Path, required: Sequence[str] = ()) -> Sheet:
             elif bare:
                 break
         else:
-            read_text(path)  # says if there is no text at all
+            read_text(file)  # says if there is no text at all
             raise BadFile(
-                str(path), found="comments only", expected="a row of column names", remedy="Add a row such as `t,V`."
+                file.name, found="comments only", expected="a row of column names", remedy="Add a row such as `t,V`."
             )
     except UnicodeDecodeError:
-        read_text(path)
+        read_text(file)
         raise
     mark = _separator(place, line)
     names, units = titles(place, line.rstrip("\n").split(mark))
     require(place, names, required)
-    columns = tuple(_numbers(path, number, names, mark).T)
-    row_of = lambda sample: f"row {_nth_filled(path, number, sample)}"  # noqa: E731
-    return Sheet(path, tuple(entries), names, units, columns, tuple(comments), f"row {number}", row_of)
+    columns = tuple(_numbers(file, number, names, mark).T)
+    row_of = lambda sample: f"row {_nth_filled(file, number, sample)}"  # noqa: E731
+    return Sheet(file.name, tuple(entries), names, units, columns, tuple(comments), f"row {number}", row_of)
 
 
-def write(path: Path, sheet: Sheet, mark: str = ",") -> None:
-    """Write columns as text: all digits of the first, twelve of the others."""
+def encode(sheet: Sheet, mark: str = ",") -> bytes:
+    """Columns as text: all digits of the first, twelve of the others."""
     lines = [f"# {item.key}: {item.value}" for item in sheet.entries]
     lines.append(mark.join(title(name, unit) for name, unit in zip(sheet.names, sheet.units, strict=True)))
     row = mark.join(["%r", *["%.12g"] * (len(sheet.columns) - 1)]) + "\n"
     table = np.stack(sheet.columns, axis=1)
-    try:
-        with path.open("w", encoding="utf-8", newline="\n") as file:
-            file.write("\n".join(lines) + "\n")
-            for start in range(0, len(table), STRETCH):
-                file.writelines(row % tuple(numbers) for numbers in table[start : start + STRETCH].tolist())
-    except OSError as error:
-        raise cannot_write(path, error) from None
+    made = ["\n".join(lines) + "\n"]
+    for start in range(0, len(table), STRETCH):  # a large table never stands here as Python's own numbers
+        made.append("".join(row % tuple(numbers) for numbers in table[start : start + STRETCH].tolist()))
+    return "".join(made).encode()
 
 
-def _lines(path: Path, skip: int = 0) -> Iterator[str]:
+def _lines(file: NamedBytes, skip: int = 0) -> Iterator[str]:
     """The lines of a file below the first few, whatever their ends."""
-    with path.open(encoding="utf-8-sig", newline=None) as file:
-        yield from islice(file, skip, None)
+    with streams.TextIOWrapper(streams.BytesIO(file.content), encoding="utf-8-sig", newline=None) as lines:
+        yield from islice(lines, skip, None)
 
 
 def _separator(place: str, line: str) -> str:
@@ -111,19 +108,19 @@ def _separator(place: str, line: str) -> str:
     return marks[0] if marks else ","
 
 
-def _numbers(path: Path, row: int, names: Sequence[str], mark: str) -> Float[np.ndarray, "rows columns"]:
+def _numbers(file: NamedBytes, row: int, names: Sequence[str], mark: str) -> Float[np.ndarray, "rows columns"]:
     """The numbers below the row of names, all of them finite."""
-    values, trouble = _parsed(_filled(path, row), mark)
+    values, trouble = _parsed(_filled(file, row), mark)
     if values is None and mark != ",":
-        values, _ = _parsed(map(_pointed, _filled(path, row)), mark)
+        values, _ = _parsed(map(_pointed, _filled(file, row)), mark)
     if values is None or values.shape != (len(values), len(names)) or not np.all(np.isfinite(values)):
-        _refuse(path, row, names, mark)
-        raise BadFile(str(path), found=trouble, expected="rows of numbers", remedy="Write the file as plain CSV.")
+        _refuse(file, row, names, mark)
+        raise BadFile(file.name, found=trouble, expected="rows of numbers", remedy="Write the file as plain CSV.")
     return values
 
 
-def _filled(path: Path, row: int) -> Iterator[str]:
-    return (line for line in _lines(path, row) if not line.isspace())
+def _filled(file: NamedBytes, row: int) -> Iterator[str]:
+    return (line for line in _lines(file, row) if not line.isspace())
 
 
 def _pointed(line: str) -> str:
@@ -158,13 +155,13 @@ def _is_sound(lines: Sequence[str], columns: int, mark: str, comma: bool) -> boo
     return values is not None and values.shape[1] == columns and bool(np.all(np.isfinite(values)))
 
 
-def _refuse(path: Path, row: int, names: Sequence[str], mark: str) -> None:
+def _refuse(file: NamedBytes, row: int, names: Sequence[str], mark: str) -> None:
     """Find the first line or cell that is wrong, and raise for it."""
-    lines = read_text(path).split("\n")[row:]
+    lines = read_text(file).split("\n")[row:]
     first = next((line for line in lines if line.strip()), None)
     if first is None:
         raise BadFile(
-            str(path),
+            file.name,
             found=f"no rows below the column row {row}",
             expected="rows of numbers",
             remedy="Check how the file was written.",
@@ -175,7 +172,7 @@ def _refuse(path: Path, row: int, names: Sequence[str], mark: str) -> None:
     start = next((at for at in starts if not sound(at)), 0)
     for number, line in enumerate(lines[start:], row + 1 + start):
         if line.strip():
-            _check_line(f"{path}, row {number}", line, names, mark, str(mixed or "."))
+            _check_line(f"{file}, row {number}", line, names, mark, str(mixed or "."))
 
 
 def _first_marks(lines: Sequence[str]) -> str:
@@ -228,7 +225,7 @@ def _check_line(place: str, line: str, names: Sequence[str], mark: str, decimal:
             )
 
 
-def _nth_filled(path: Path, row: int, count: int) -> int:
+def _nth_filled(file: NamedBytes, row: int, count: int) -> int:
     """Line number of the `count`-th line below the names that is not blank, both from zero."""
-    filled = (number for number, line in enumerate(_lines(path, row), row + 1) if not line.isspace())
+    filled = (number for number, line in enumerate(_lines(file, row), row + 1) if not line.isspace())
     return next(islice(filled, count, None))

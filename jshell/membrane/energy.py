@@ -20,7 +20,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jshell.contour import Curve, Meridian, speed, volume
-from jshell.errors import BadName
+from jshell.errors import choose
 from jshell.shell.elasticity import SPHERE_VOLUME, Scalar, moduli
 from jshell.shell.parameters import Reduced
 from jshell.shell.rest import gas_pressure
@@ -47,10 +47,7 @@ def wall(shape: Meridian, conditions: Reduced, profile: Float[Array, "points"]) 
 
 def check_area(area: str) -> None:
     """Refuse an unknown choice of reference for the elastic energy."""
-    if area not in AREAS:
-        raise BadName(
-            "area", found=repr(area), expected="one of " + ", ".join(AREAS), remedy="current is the source's."
-        )
+    choose("area", area, AREAS, remedy="current is the source's.")
 
 
 def density(curve: Curve, wall: Wall, area: Area | str) -> Float[Array, "..."]:

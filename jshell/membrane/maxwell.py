@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jshell.contour import Meridian
-from jshell.errors import BadName, Outcome
+from jshell.errors import Outcome, choose
 from jshell.membrane.branch import Branch, deflation_branch
 from jshell.membrane.energy import Area, elastic_energy, wall
 from jshell.membrane.newton import settle_at_volume
@@ -67,8 +67,7 @@ def maxwell_point(
         BadName: Another sphere.
         NotOk: No branch to look on.
     """
-    if sphere not in SPHERES:
-        raise BadName("sphere", found=repr(sphere), expected="one of " + ", ".join(SPHERES), remedy="exact is usual.")
+    choose("sphere", sphere, SPHERES, remedy="exact is usual.")
     c = conditions.as_arrays()
     classical = float(buckling_threshold(c.thickness, c.poisson_ratio))
     deflation = 3 * (1 - float(c.poisson_ratio)) * classical / 2

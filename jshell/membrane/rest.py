@@ -20,7 +20,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Float, Int
 
 from jshell.contour import NO_WEAK_SPOT, Meridian, WeakSpot, meridian, regrade, rim_breaks, thinned, transfer
-from jshell.errors import BadName, BadValue, NotOk, Outcome, RangeWarning
+from jshell.errors import BadValue, NotOk, Outcome, RangeWarning, choose
 from jshell.membrane.energy import Area, check_area
 from jshell.membrane.equilibrium import CONTACT_GAP as CONTACT_GAP
 from jshell.membrane.equilibrium import RestShape, find, seed, settle, shape_like
@@ -76,8 +76,7 @@ def rest(
         0.6992 1.4853
     """
     for name, value, known in (("branch", branch, BRANCHES), ("grading", grading, GRADINGS)):
-        if value not in known:
-            raise BadName(name, found=repr(value), expected="one of " + ", ".join(known), remedy="Choose one.")
+        choose(name, value, known)
     check_area(area)
     _check_ratio(volume_ratio)
     ratio = None if volume_ratio is None else jnp.asarray(volume_ratio, dtype=float)

@@ -17,7 +17,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from jshell.errors import BadName
+from jshell.errors import choose
 from jshell.shell.parameters import Number, check
 
 # Dissipation of the dipole flow outside the unit sphere, per η g² Ṡ².
@@ -85,13 +85,7 @@ class Coefficients(eqx.Module):
 
 def dipole_dissipation(dipole: str) -> float:
     """Dissipation of the area motion per η g² Ṡ²: 3/(2π) corrected, 6/(5π) printed (eq:D)."""
-    if dipole not in DIPOLE_DISSIPATION:
-        raise BadName(
-            f"dipole {dipole!r}",
-            found="no such convention",
-            expected="one of " + ", ".join(DIPOLE_DISSIPATION),
-            remedy="Use printed only to reproduce the source's beta2.",
-        )
+    choose("dipole", dipole, DIPOLE_DISSIPATION, remedy="Use printed only to reproduce the source's beta2.")
     return DIPOLE_DISSIPATION[dipole]
 
 

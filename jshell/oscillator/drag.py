@@ -20,7 +20,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jshell.errors import BadName
+from jshell.errors import BadName, choose
 from jshell.memory import HalfDerivative
 from jshell.shell.parameters import Number, check
 
@@ -31,11 +31,6 @@ SPEEDS = ("instantaneous", "quasi_steady")
 DISPLACED_MASS = 8 / 3  # the source's prefactor: a sphere that moves the mass of the liquid it displaces
 LEAST_RE = 1e-8
 Values = Float[Array, "*batch"]
-
-
-def _one_of(place: str, value: str, known) -> None:
-    if value not in known:
-        raise BadName(f"{place} {value!r}", found=f"no such {place}", expected=" or ".join(known), remedy="Choose one.")
 
 
 def drag_coefficient(reynolds: Values, curve: str = "almedeij") -> Values:
@@ -54,7 +49,7 @@ def drag_coefficient(reynolds: Values, curve: str = "almedeij") -> Values:
         >>> print(f"{float(drag_coefficient(jnp.asarray(100.0))):.5f}")
         0.99251
     """
-    _one_of("curve", curve, CURVES)
+    choose("curve", curve, CURVES)
     return jnp.exp(_log_coefficient(jnp.log(jnp.maximum(reynolds, LEAST_RE)), curve))
 
 
@@ -109,8 +104,8 @@ def reynolds_decay_time(
     Source:
         Section "Damping": τ = (8/3) ρ R0²/(η C Re).
     """
-    _one_of("length", length, LENGTHS)
-    _one_of("curve", curve, CURVES)
+    choose("length", length, LENGTHS)
+    choose("curve", curve, CURVES)
     x = jnp.log(jnp.maximum(reynolds, LEAST_RE))
     return prefactor * LENGTHS[length] * jnp.exp(-(_log_coefficient(x, curve) + x))
 
@@ -134,9 +129,9 @@ class Reynolds(eqx.Module):
     span: Number = 6.0
 
     def __check_init__(self) -> None:
-        _one_of("length", self.length, LENGTHS)
-        _one_of("curve", self.curve, CURVES)
-        _one_of("speed", self.speed, SPEEDS)
+        choose("length", self.length, LENGTHS)
+        choose("curve", self.curve, CURVES)
+        choose("speed", self.speed, SPEEDS)
         check("prefactor", self.prefactor, "a number above 0", lambda x: x > 0)
         check("span", self.span, "a time above 0", lambda x: x > 0)
 
@@ -190,7 +185,7 @@ class Drag(eqx.Module):
     sound_speed: Number | None = None
 
     def __check_init__(self) -> None:
-        _one_of("liquid", self.liquid, LIQUIDS)
+        choose("liquid", self.liquid, LIQUIDS)
         if self.liquid == "equal_decay" and self.tau is None:
             raise BadName("tau", found="none", expected="a decay time for equal_decay", remedy="Give tau=….")
         check("tau", self.tau, "a time above 0", lambda x: x > 0)

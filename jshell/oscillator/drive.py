@@ -18,7 +18,7 @@ import optimistix as optx
 from jax.core import Tracer
 from jaxtyping import Array, Float, Int
 
-from jshell.errors import BadName, BadShape, BadValue, NotOk, Outcome
+from jshell.errors import BadShape, BadValue, NotOk, Outcome, choose
 from jshell.oscillator.coefficients import Coefficients
 from jshell.oscillator.drag import VISCOUS, Drag
 from jshell.oscillator.fixed import ENDINGS, MAD, march
@@ -234,10 +234,7 @@ def drive(
         >>> print(int(heard.outcome), f"{float(np.max(heard.motion.V - heard.driven.state.volume)):.2f}")
         0 0.13
     """
-    if solver not in ORDERS:
-        raise BadName(
-            f"solver {solver!r}", found="no such solver", expected="one of " + ", ".join(ORDERS), remedy="Choose one."
-        )
+    choose("solver", solver, ORDERS)
     ts = jnp.asarray(times, dtype=float)
     spacing = _spacing(ts, times, solver, step)
     if drag.liquid == "reynolds" or drag.layer is not None:

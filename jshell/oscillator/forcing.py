@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 
-from jshell.errors import BadName, BadShape, BadValue
+from jshell.errors import BadShape, BadValue, choose
 from jshell.shell.parameters import Number, Scales, check
 
 Forcing: TypeAlias = Callable[[Any], jax.Array]
@@ -126,10 +126,7 @@ class Pulse(eqx.Module):
     window: str = eqx.field(static=True, default="hann")
 
     def __check_init__(self) -> None:
-        if self.window not in WINDOWS:
-            raise BadName(
-                f"window {self.window!r}", found="no such window", expected=" or ".join(WINDOWS), remedy="Choose one."
-            )
+        choose("window", self.window, WINDOWS)
         check("pulsation", self.pulsation, "a number above 0", lambda x: x > 0)
         check("peak_negative", self.peak_negative, "a size, 0 or more", lambda x: x >= 0)
         if self.cycles < 1:

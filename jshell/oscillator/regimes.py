@@ -22,7 +22,7 @@ import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 
-from jshell.errors import BadName, Outcome
+from jshell.errors import Outcome, choose
 from jshell.oscillator.coefficients import Coefficients
 from jshell.oscillator.drag import VISCOUS, Drag
 from jshell.oscillator.drive import _as_arrays, _needs_viscosity, _spacing
@@ -128,8 +128,7 @@ def follow(
         BadName: No such state to begin with.
         BadShape, BadValue: Times that do not increase.
     """
-    if begin not in ("sphere", "buckled"):
-        raise BadName(f"begin {begin!r}", found="no such state", expected="sphere or buckled", remedy="Choose one.")
+    choose("begin", begin, ("sphere", "buckled"), noun="state")
     ts = jnp.asarray(times, dtype=float)
     _spacing(ts, times, "dopri8", None)
     if drag.liquid == "reynolds" or drag.layer is not None:
@@ -180,7 +179,7 @@ def follow(
 def _first_state(driven: Driven, regime: int, outer: float) -> tuple[jax.Array, ...]:
     """Leaves of a state at rest under an outer pressure."""
     c = driven.conditions
-    loaded = Reduced(c.thickness, c.gas_pressure, jnp.asarray(outer), c.viscosity, c.kappa, c.poisson_ratio)
+    loaded = c.replace(outer_pressure=jnp.asarray(outer))
     if regime == SPHERE:
         V = sphere_state(loaded).volume
         return (V, _sphere_area(V), jnp.zeros(()), jnp.zeros(()))

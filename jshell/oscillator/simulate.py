@@ -15,7 +15,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float, Int
 
-from jshell.errors import BadName, BadShape, BadValue, Outcome
+from jshell.errors import BadName, BadShape, BadValue, Outcome, choose
 from jshell.oscillator.coefficients import Coefficients
 from jshell.oscillator.lagrangian import acceleration
 from jshell.oscillator.linear import (
@@ -64,16 +64,6 @@ class Frequencies(eqx.Module):
     outcome: Int[Array, ""]
 
 
-def _choose(place: str, value: str, options) -> None:
-    if value not in options:
-        raise BadName(
-            f"{place} {value!r}",
-            found=f"no such {place}",
-            expected="one of " + ", ".join(options),
-            remedy="Choose one.",
-        )
-
-
 def frequencies(conditions: Reduced, coefficients: Coefficients, law: str = "coupier2019") -> Frequencies:
     """The two frequencies of a buckled shell, beside those of its rivals.
 
@@ -95,7 +85,7 @@ def frequencies(conditions: Reduced, coefficients: Coefficients, law: str = "cou
         >>> print(f"{found.omega_minus:.4f} {found.omega_plus:.4f}")
         0.8243 1.3543
     """
-    _choose("law", law, LAWS)
+    choose("law", law, LAWS)
     state = LAWS[law](conditions)
     c = coefficients
     K_A = moduli(conditions.thickness, conditions.poisson_ratio).area
@@ -164,9 +154,9 @@ def simulate(
     Source:
         eq:eqmovadimV, eq:eqmovadimS; nonlinear: eq:Lag.
     """
-    _choose("solver", solver, SOLVERS)
-    _choose("model", model, MODELS)
-    _choose("adjoint", adjoint, ADJOINTS)
+    choose("solver", solver, SOLVERS)
+    choose("model", model, MODELS)
+    choose("adjoint", adjoint, ADJOINTS)
     if model == "nonlinear" and solver == "exact":
         raise BadName(
             "solver 'exact'",

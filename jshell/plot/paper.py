@@ -80,8 +80,7 @@ class Material:
     @cached_property
     def motion(self) -> dynamics.Motion:
         """R through its snap, with its shapes."""
-        R = presets.R.conditions
-        case = Reduced(R.thickness, R.gas_pressure, SNAP_LOAD, R.viscosity)
+        case = presets.R.conditions.replace(outer_pressure=SNAP_LOAD)
         return dynamics.record(case, duration=60.0, elements=self.elements, checkpoint=self.checkpoint)
 
     def trace(self, *families: str, near: float | None = None) -> Trace:

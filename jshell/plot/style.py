@@ -7,13 +7,12 @@ settings hold while a function draws and are put back after it.
 Source     Okabe & Ito 2008 for the colours, told apart by colour-blind eyes
 """
 
-import importlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from jshell.errors import BadName, MissingExtra
+from jshell.errors import BadName, require_extra
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -70,15 +69,7 @@ def matplotlib() -> Any:
     Raises:
         MissingExtra: It is not installed.
     """
-    try:
-        return importlib.import_module("matplotlib")
-    except ModuleNotFoundError as missing:
-        raise MissingExtra(
-            "jshell.plot",
-            found="no matplotlib",
-            expected="the optional plotting packages",
-            remedy="Run: pip install 'jshell[plot]'",
-        ) from missing
+    return require_extra("matplotlib", "plot", "jshell.plot")
 
 
 @contextmanager

@@ -47,7 +47,7 @@ class Design:
 def loaded(thickness, gas_pressure, *, excess=1.0, viscosity=0.0, kappa=1.4, poisson_ratio=0.5) -> Reduced:
     """A shell under `excess` times its buckling load."""
     free = Reduced(thickness, gas_pressure, gas_pressure, viscosity, kappa, poisson_ratio)
-    return Reduced(thickness, gas_pressure, excess * buckling_load(free), viscosity, kappa, poisson_ratio)
+    return free.replace(outer_pressure=excess * buckling_load(free))
 
 
 def design(

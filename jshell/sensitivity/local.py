@@ -14,14 +14,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jshell.errors import BadName, BadValue, Outcome
+from jshell.errors import BadValue, Outcome, choose
 from jshell.oscillator.coefficients import Coefficients, decay_time
 from jshell.oscillator.simulate import Frequencies, frequencies
-from jshell.shell.parameters import Reduced
+from jshell.shell.parameters import CONDITION_FIELDS, Reduced
 from jshell.shell.sphere import sphere_frequency_at_load
 
 Observable: TypeAlias = Callable[[Reduced, Coefficients], jax.Array]
-CONDITIONS = ("thickness", "gas_pressure", "outer_pressure", "viscosity", "kappa", "poisson_ratio")
+CONDITIONS = tuple(CONDITION_FIELDS.values())
 CONSTANTS = ("alpha1", "alpha2", "k_vs", "beta1")
 INPUTS = CONDITIONS + CONSTANTS
 
@@ -85,13 +85,8 @@ def observable(which: str | Observable) -> tuple[str, Observable]:
     """
     if callable(which):
         return getattr(which, "__name__", "observable"), which
-    if which not in OBSERVABLES:
-        raise BadName(
-            f"observable {which!r}",
-            found="no such observable",
-            expected="one of " + ", ".join(OBSERVABLES) + ", or a function of conditions and coefficients",
-            remedy="Check the spelling.",
-        )
+    known = "one of " + ", ".join(OBSERVABLES) + ", or a function of conditions and coefficients"
+    choose("observable", which, OBSERVABLES, expected=known, remedy="Check the spelling.")
     return which, OBSERVABLES[which]
 
 

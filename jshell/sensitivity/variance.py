@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jshell.errors import BadName, BadValue
+from jshell.errors import BadValue, choose
 from jshell.oscillator.coefficients import Coefficients
 from jshell.sensitivity.local import INPUTS, Observable, observable, point, problem
 from jshell.shell.parameters import Reduced
@@ -32,8 +32,7 @@ class Range:
     scale: str = "linear"
 
     def __post_init__(self) -> None:
-        if self.scale not in SCALES:
-            raise BadName(f"scale {self.scale!r}", found="no such scale", expected="linear or log", remedy="Choose.")
+        choose("scale", self.scale, SCALES)
         if not self.low < self.high or (self.scale == "log" and self.low <= 0):
             raise BadValue(
                 "range",
@@ -139,10 +138,8 @@ def sobol(
     """
     name, function = observable(which)
     for key in ranges:
-        if key not in INPUTS:
-            raise BadName(f"input {key!r}", found="no such input", expected=", ".join(INPUTS), remedy="Check it.")
-    if missing not in MISSING:
-        raise BadName(f"missing {missing!r}", found="no such choice", expected="refuse or drop", remedy="Choose one.")
+        choose("input", key, INPUTS)
+    choose("missing", missing, MISSING, noun="choice")
     if rows < 2 or rows & (rows - 1) or not ranges or not 0 < confidence < 1:
         raise BadValue(
             "rows, ranges, confidence",

@@ -15,7 +15,7 @@ from jshell.errors import JshellError
 from jshell.oscillator import SOURCE, decay_by_law
 from jshell.service import reduced, safety
 from jshell.service.api import health, jobs, simulate, traces
-from jshell.service.problems import KINDS, answer, tell_in_problems
+from jshell.service.problems import KINDS, answer, render_errors
 from jshell.service.schemas import ProblemOut
 from jshell.service.settings import Settings
 from jshell.service.state import Counted, Metrics, Service
@@ -62,7 +62,7 @@ def create_app(settings: Settings, store: Store, worker: Worker | None = None) -
         app.include_router(router, prefix=API)
     app.include_router(health.router)
     pages.mount(app)
-    tell_in_problems(app, pages.sorry)
+    render_errors(app, pages.sorry)
     app.add_middleware(safety.Gate, settings=settings, refuse=_refuse)
     app.add_middleware(Counted, metrics=service.metrics)
     app.openapi = lambda: _described(app)  # pyright: ignore[reportAttributeAccessIssue]

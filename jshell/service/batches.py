@@ -6,7 +6,7 @@ uploads. A file of a zip that cannot be read costs its own row and no other.
 
 import csv
 import io as streams
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -14,12 +14,14 @@ import numpy as np
 
 from jshell.calibration import BatchResult, Recordings, fit_batch
 from jshell.errors import BadFile, BadValue, JshellError, Outcome
+from jshell.files import NamedBytes
+from jshell.io import read_trace
 from jshell.service import archives
 from jshell.service.archives import Content
-from jshell.shell import Reduced
+from jshell.shell.parameters import CONDITION_FIELDS, Reduced
 from jshell.trace import Trace
 
-CONDITIONS = ("thickness", "gas_pressure", "outer_pressure", "viscosity", "kappa", "poisson_ratio")
+CONDITIONS = tuple(CONDITION_FIELDS.values())
 LARGE = ("times", "values")
 FREE = "free_directions"
 FORMULA = ("=", "+", "-", "@", "\t", "\r")  # how a spreadsheet begins a formula
@@ -56,12 +58,11 @@ def unpack(content: Content, name: str = "batch.npz") -> Recordings:
     return _records(archives.unpack(content, name), name)
 
 
-def read(files: Sequence[tuple[str, Content]], trace: Callable[[str, Content], Trace]) -> Batch:
+def read(files: Sequence[tuple[str, Content]]) -> Batch:
     """The traces of uploads.
 
     Args:
         files: Name and bytes of each.
-        trace: Reads one trace.
 
     Raises:
         BadFile: An archive that cannot be read.
@@ -80,7 +81,7 @@ def read(files: Sequence[tuple[str, Content]], trace: Callable[[str, Content], T
     traces, refused = [], {}
     for row, (name, content) in enumerate(listed):
         try:
-            made = trace(name, content)
+            made = read_trace(NamedBytes(name, content))
             if made.conditions is None:
                 raise BadFile(name, found="no conditions", expected="a header with them", remedy="Add `# d_hat: …`.")
             _ = made["V"], made["S"]  # refused here where it has none

@@ -1,4 +1,4 @@
-"""SQLite's log brought home when nobody writes, so that no upload waits for it.
+"""SQLite's log checkpointed when nobody writes, so that no upload waits for it.
 
 A commit is on the disk once it is in the log; that its pages are copied to
 their places can wait. SQLite does it in the middle of every commit that finds
@@ -16,8 +16,8 @@ from collections.abc import Callable
 from sqlalchemy.exc import SQLAlchemyError
 
 log = logging.getLogger("jshell.service")
-QUIET = 0.2  # [s] without a write after which the log is brought home
-LONGEST = 128 * 2**20  # bytes of a log that are brought home in the middle of a commit after all
+QUIET = 0.2  # [s] without a write after which the log is checkpointed
+LONGEST = 128 * 2**20  # bytes of a log that are checkpointed in the middle of a commit after all
 
 
 class Checkpoints:
@@ -46,7 +46,7 @@ class Checkpoints:
             self._change.notify()
 
     def close(self) -> None:
-        """End the thread; whoever closes the database last brings the log home."""
+        """End the thread; whoever closes the database last checkpoints the log."""
         with self._change:
             self._closed = True
             self._change.notify()
@@ -58,7 +58,7 @@ class Checkpoints:
             try:
                 self._copy()
             except (sqlite3.Error, SQLAlchemyError) as error:  # a full disk, no connection free: nothing is lost
-                log.info("the log of the database is not brought home: %s", error)
+                log.info("the log of the database is not checkpointed: %s", error)
 
     def _rest(self) -> bool:
         """Wait until something was written and then nothing for a while; false when closed."""

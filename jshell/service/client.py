@@ -6,7 +6,6 @@ Idempotency-Key, so that it is one job; a full queue is waited for.
 
 import json
 import os
-import tempfile
 import time
 import uuid
 from collections.abc import Iterator, Mapping, Sequence
@@ -20,11 +19,12 @@ from jshell import io
 from jshell.calibration import BatchResult, FitResult, Recordings, load
 from jshell.calibration.recordings import gathered
 from jshell.dynamics import Mode
-from jshell.errors import BadValue, JshellError, MissingExtra, NotOk
-from jshell.service import batches, parts, sending
-from jshell.service.settings import HELD
+from jshell.errors import BadValue, JshellError, NotOk, require_extra
+from jshell.files import NamedBytes
+from jshell.service import batches, chunks, sending
+from jshell.service.settings import MAX_BODY_BYTES
 from jshell.shell import Reduced
-from jshell.trace import CONDITION_FIELDS, Trace
+from jshell.trace import Trace
 
 if TYPE_CHECKING:
     import httpx
@@ -130,13 +130,7 @@ class Client:
     def __init__(
         self, url: str = LOCAL, *, token: str | None = None, timeout: float | int = 60.0, patience: float | int = 60.0
     ) -> None:
-        try:
-            import httpx
-        except ImportError:
-            raise MissingExtra(
-                "jshell.Client", found="no httpx", expected="the extra `service`",
-                remedy="Install it: pip install 'jshell[service]'.",
-            ) from None  # fmt: skip
+        httpx = require_extra("httpx", "service", "jshell.Client")
         token = os.environ.get("JSHELL_TOKEN") if token is None else token
         headers = {"Authorization": f"Bearer {token}"} if token else {}
         self.url, self.patience = url.rstrip("/"), patience
@@ -187,7 +181,7 @@ class Client:
     ) -> BatchResult:
         """Fit each of many traces by itself as `jshell.calibration.fit_batch` does, there.
 
-        They go up in parts, each a job: one is fitted while the next is on its way, and several workers share them.
+        They go up in chunks, each a job: one is fitted while the next is on its way, and several workers share them.
 
         Args:
             traces: As in `submit_batch`.
@@ -195,19 +189,19 @@ class Client:
             **options: Those of `fit_batch`, in plain values.
 
         Raises:
-            JshellError: As `fit`; parts that are still under way are then called off.
+            JshellError: As `fit`; chunks that are still under way are then called off.
         """
         whole = [] if options.get("starts") else sending.whole(traces)
-        if parts.count(whole) < 2:
+        if chunks.count(whole) < 2:
             return self.submit_batch(traces, **options).result(seconds)
         try:
-            return parts.fitted(whole, lambda part: self._submit_batch(*part, None, options), seconds)
+            return chunks.fitted(whole, lambda chunk: self._submit_batch(*chunk, None, options), seconds)
         except NotDone:
             raise
         except JshellError:
             if isinstance(whole, Recordings):
                 raise
-            return self.submit_batch(traces, **options).result(seconds)  # a part of which no file can be read
+            return self.submit_batch(traces, **options).result(seconds)  # a chunk of which no file can be read
 
     def submit_batch(
         self, traces: Recordings | Sequence[Trace] | str | Path, *, key: str | None = None, **options: Any
@@ -220,13 +214,13 @@ class Client:
             **options: Those of `fit_batch`, in plain values.
         """
         if isinstance(traces, str | Path):
-            return self._submit_batch(Path(traces).name, sending.content(Path(traces)), key, options)
+            return self._submit_batch(*sending.content(traces), key, options)
         records = traces if isinstance(traces, Recordings) else gathered(list(traces))
         return self._submit_batch("batch.npz", batches.pack(records), key, options)
 
     def _submit_batch(self, name: str, content: bytes, key: str | None, options: Mapping[str, Any]) -> Job:
         words = json.dumps(sending.plain(options))
-        if len(content) <= HELD:  # without a form, which takes less
+        if len(content) <= MAX_BODY_BYTES:  # without a form, which takes less
             there = f"/batches/file/{quote(name, safe='')}"
             return self._job(self._send("POST", there, key=key, params={"options": words}, body=content).json())
         given = {"files": {"files": (name, content)}, "data": {"options": words}}
@@ -240,7 +234,7 @@ class Client:
             seconds: Longest time to wait.
             **options: `duration`, `ramp`, `elements`.
         """
-        asked = {key: float(getattr(conditions, field)) for key, field in CONDITION_FIELDS.items()}
+        asked = sending.numbers(conditions)
         sent = self._send("POST", "/simulate", json=asked | {"model": "simulator"} | sending.plain(options))
         return self._job(sent.json()).result(seconds)
 
@@ -252,7 +246,7 @@ class Client:
             seconds: Longest time to wait.
             **options: `liquid`, `count`, `elements`, `attached`, as in `jshell.dynamics.modes`.
         """
-        asked = {key: float(getattr(conditions, field)) for key, field in CONDITION_FIELDS.items()}
+        asked = sending.numbers(conditions)
         return self._job(self._send("POST", "/modes", json=asked | sending.plain(options)).json()).result(seconds)
 
     def upload(self, trace: Data, conditions: Mapping[str, float] | None = None) -> str:
@@ -268,7 +262,7 @@ class Client:
         if isinstance(trace, Trace):
             name, content = sending.written(trace)
         else:
-            name, content = Path(trace).name, sending.content(Path(trace))
+            name, content = sending.content(trace)
         data = {} if conditions is None else {"conditions": json.dumps(dict(conditions))}
         return self._send("POST", "/traces", files={"file": (name, content)}, data=data).json()["id"]
 
@@ -305,10 +299,8 @@ class Client:
         content = self._send("GET", f"/{PLURAL[kind]}/{id}.json").content
         if kind == "modes":
             return tuple(Mode(**row) for row in json.loads(content))
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "record.json"
-            path.write_bytes(content)
-            return load(path) if kind == "fit" else io.read_trace(path)
+        file = NamedBytes("record.json", content)
+        return load(file) if kind == "fit" else io.read_trace(file)
 
     def profile(self, job: Job | str) -> dict[str, Any] | None:
         """Profile intervals of a fit, where they were asked for; as `Profile.record()` says them."""
@@ -375,13 +367,8 @@ def _problem(response: "httpx.Response") -> JshellError:
 
 def _error(found: Mapping[str, Any]) -> JshellError:
     """An error of the library from its words."""
-    cause = str(found["cause"]).removeprefix("found ")
-    shown, _, expected = cause.partition("; expected ")
-    words = {
-        "found": str(found.get("found", shown)),
-        "expected": str(found.get("expected", expected or "a result")),
-        "remedy": str(found["remedy"]),
-    }
+    words = {name: str(found[name]) for name in ("found", "expected", "remedy")}
+    words["expected"] = words["expected"] or "a result"
     kinds = [kind for kind in vars(jshell.errors).values() if isinstance(kind, type) and issubclass(kind, JshellError)]
     kind = next((one for one in kinds if one.code == found["code"] and one is not NotOk), JshellError)
     error = kind(str(found["place"]), **words)

@@ -17,7 +17,7 @@ import sqlalchemy as sa
 from sqlalchemy import event, exc
 from sqlalchemy.engine import make_url
 
-from jshell.errors import BadStore, BadValue, MissingExtra, StoreUnavailable
+from jshell.errors import BadStore, BadValue, StoreUnavailable, require_extra
 from jshell.service import tables
 from jshell.service.checkpoints import LONGEST, Checkpoints
 from jshell.service.statements import SERVER_CLOCK
@@ -58,7 +58,7 @@ class Database:
         self.sqlite = kind == "sqlite"
         self.place = f"database {self.url.render_as_string(hide_password=True)!r}"
         self._turn = threading.Lock()
-        self._checkpoints = Checkpoints(self._bring_home)
+        self._checkpoints = Checkpoints(self._checkpoint)
         if self.sqlite:
             self._engine = self._open_file(self.url)
         else:
@@ -115,7 +115,7 @@ class Database:
             self._checkpoints.wrote()
             self._turn.release()
 
-    def _bring_home(self) -> None:
+    def _checkpoint(self) -> None:
         """Copy SQLite's log to its places, as far as no reader needs what is there."""
         with contextlib.closing(self._engine.raw_connection()) as connection:
             connection.cursor().execute("PRAGMA wal_checkpoint(PASSIVE)").close()
@@ -188,14 +188,10 @@ class Database:
             )
 
     def _reach(self, url: sa.URL) -> sa.Engine:
-        try:
-            return sa.create_engine(
-                url, pool_size=8, max_overflow=56, pool_pre_ping=True, connect_args={"connect_timeout": int(PATIENCE)}
-            )
-        except ModuleNotFoundError as error:
-            raise MissingExtra(
-                "db", found=str(error), expected="the extra `service`", remedy="pip install 'jshell[service]'"
-            ) from None
+        require_extra(url.get_dialect().driver, "service", "db")
+        return sa.create_engine(
+            url, pool_size=8, max_overflow=56, pool_pre_ping=True, connect_args={"connect_timeout": int(PATIENCE)}
+        )
 
     @contextlib.contextmanager
     def _in_words(self) -> Iterator[None]:

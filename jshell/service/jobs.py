@@ -3,15 +3,15 @@
 import functools
 import io
 import json
-import tempfile
 import zipfile
 from collections.abc import Mapping
-from pathlib import Path, PurePath
+from pathlib import PurePath
 from typing import Any
 
 import jshell
 from jshell.calibration import BatchResult, FitResult
 from jshell.errors import BadFile, JshellError, NotFound
+from jshell.files import NamedBytes
 from jshell.service import batches
 from jshell.service.problems import NotReady
 from jshell.service.safety import neutral_csv
@@ -34,7 +34,7 @@ MEDIA = {
     "txt": "text/plain; charset=utf-8",
 }
 EVERY = 0.1  # dimensionless time between the samples of a simulated trace
-KEPT = 32  # results that stay in memory once read
+MAX_CACHED_RESULTS = 32  # results that stay in memory once read
 
 
 def address(job: JobRow, suffix: str = "") -> str:
@@ -59,9 +59,7 @@ def shown(job: JobRow) -> dict[str, Any]:
         "progress": job.progress,
         "traces": list(job.traces),
         "specification": finite(dict(job.specification)),
-        "error": None
-        if error is None
-        else {"code": error.code, "place": error.place, "cause": error.cause, "remedy": error.remedy},
+        "error": None if error is None else error.words(),
         "links": links,
     }
 
@@ -134,14 +132,10 @@ def _conditions(asked: Conditions) -> dict[str, float]:
     return {name: getattr(asked, name) for name in Conditions.model_fields}
 
 
-@functools.lru_cache(maxsize=KEPT)
+@functools.lru_cache(maxsize=MAX_CACHED_RESULTS)
 def fit_result(store: Store, job: str) -> FitResult:
     """The result of a fit that is done, as the library's own object."""
-    content = store.result(job, "record.json")
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "record.json"
-        path.write_bytes(content)
-        return jshell.load(path)
+    return jshell.load(NamedBytes("record.json", store.result(job, "record.json")))
 
 
 @functools.lru_cache(maxsize=4)
@@ -159,10 +153,7 @@ def batch_table(store: Store, job: str) -> bytes:
 @functools.lru_cache(maxsize=8)
 def simulated(store: Store, job: str) -> Trace:
     """The trace of a simulation that is done."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "trace.json"
-        path.write_bytes(store.result(job, "trace.json"))
-        return jshell.io.read_trace(path)
+    return jshell.io.read_trace(NamedBytes("trace.json", store.result(job, "trace.json")))
 
 
 def modes_found(store: Store, job: str) -> list[dict[str, Any]]:

@@ -1,4 +1,4 @@
-"""What a program or a person is told when a request fails: RFC 9457, in the library's own words.
+"""How a failed request is reported to a program or a person: RFC 9457, in the library's own words.
 
 Every refusal carries code, place, cause and remedy of the library's error. What
 nobody foresaw has an identifier and no traceback; the traceback stands in the log.
@@ -209,7 +209,7 @@ def allowed(description: Mapping[str, Any], path: str) -> list[str]:
     return []
 
 
-def tell_in_problems(app: FastAPI, page: Any = None) -> None:
+def render_errors(app: FastAPI, page: Any = None) -> None:
     """Have every error of an application answered as a problem.
 
     Args:
@@ -217,7 +217,7 @@ def tell_in_problems(app: FastAPI, page: Any = None) -> None:
         page: Makes of a request, an error and a status the HTML that a browser is shown; None where there is no page.
     """
 
-    def told(request: Request, error: JshellError, extra: Mapping[str, Any], headers: Mapping[str, str]) -> Response:
+    def render(request: Request, error: JshellError, extra: Mapping[str, Any], headers: Mapping[str, str]) -> Response:
         path = request.url.path
         programs = path.startswith(("/api/v1", "/healthz", "/metrics"))
         if page is not None and not programs:
@@ -230,11 +230,11 @@ def tell_in_problems(app: FastAPI, page: Any = None) -> None:
 
     @app.exception_handler(JshellError)
     def of_library(request: Request, error: JshellError) -> Response:
-        return told(request, error, {}, {})
+        return render(request, error, {}, {})
 
     @app.exception_handler(RequestValidationError)
     def of_schema(request: Request, error: RequestValidationError) -> Response:
-        return told(request, of_validation(error.errors()), {"errors": listed(error.errors())}, {})
+        return render(request, of_validation(error.errors()), {"errors": listed(error.errors())}, {})
 
     @app.exception_handler(HTTPException)
     def of_http(request: Request, error: HTTPException) -> Response:
@@ -243,8 +243,8 @@ def tell_in_problems(app: FastAPI, page: Any = None) -> None:
         if error.status_code == 405:  # a router names the methods of one route, not those of the address
             methods = allowed(app.openapi(), request.url.path)
             headers |= {"Allow": ", ".join(methods)} if methods else {}
-        return told(request, found, {}, headers)
+        return render(request, found, {}, headers)
 
     @app.exception_handler(Exception)
     def of_nobody(request: Request, error: Exception) -> Response:
-        return told(request, unforeseen(error, request.url.path), {}, {})
+        return render(request, unforeseen(error, request.url.path), {}, {})

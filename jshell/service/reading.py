@@ -2,26 +2,27 @@
 
 import functools
 import json
-import tempfile
 import threading
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib import resources
-from pathlib import Path, PurePath
+from pathlib import PurePath
 
 from jshell import io
 from jshell.errors import JshellError
+from jshell.files import NamedBytes
 from jshell.io.formats import FORMATS, read_sheet
 from jshell.io.headers import CONDITION_KEYS
+from jshell.io.tables import trace_of_sheet
 from jshell.io.units import PURE
 from jshell.service.store import Store
 from jshell.shell.parameters import Reduced
-from jshell.trace import CONDITION_FIELDS, Trace
+from jshell.trace import Trace
 
 TEXT = ("", ".csv", ".txt", ".dat", ".tsv", ".tab")
-KEPT = 64  # traces that stay in memory once read
-ROOM = threading.BoundedSemaphore(4)  # uploads that are in memory at the same time; others wait on the disk
+MAX_CACHED_TRACES = 64  # traces that stay in memory once read
+MAX_UPLOADS = 4  # in memory at the same time; others wait on the disk
+UPLOAD_SLOTS = threading.BoundedSemaphore(MAX_UPLOADS)
 
 
 @dataclass(frozen=True)
@@ -54,18 +55,12 @@ def look(name: str, content: bytes) -> Look:
     Raises:
         JshellError: As `jshell.io.read_trace`.
     """
-    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings(record=True) as caught:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        path = Path(folder) / f"trace{_suffix(name)}"
-        path.write_bytes(content)
-        try:
-            trace = io.read_trace(path)
-            sheet = read_sheet(path, ("t",))
-        except JshellError as error:
-            raise _named(error, str(path), name) from None
-        units = {one: unit or PURE for one, unit in zip(sheet.names, sheet.units, strict=True)}
-        told = dict.fromkeys(str(one.message).replace(str(path), name) for one in caught)
-    return Look(trace, units, tuple(told))
+        sheet = read_sheet(NamedBytes(name, content), ("t",))
+        trace = trace_of_sheet(sheet)
+    units = {one: unit or PURE for one, unit in zip(sheet.names, sheet.units, strict=True)}
+    return Look(trace, units, tuple(dict.fromkeys(str(one.message) for one in caught)))
 
 
 def check_one_readable(files: Sequence[tuple[str, bytes]]) -> None:
@@ -97,7 +92,7 @@ def looked(store: Store, trace: str) -> tuple[str, Look]:
     return _looked(store, trace)
 
 
-@functools.lru_cache(maxsize=KEPT)
+@functools.lru_cache(maxsize=MAX_CACHED_TRACES)
 def _looked(store: Store, trace: str) -> tuple[str, Look]:
     row = store.trace(trace)
     return row.name, look(row.name, store.trace_content(trace))
@@ -116,48 +111,23 @@ def with_conditions(name: str, content: bytes, given: Mapping[str, float]) -> tu
     Raises:
         JshellError: The conditions are incomplete, contradict the file's own, or the file cannot be read.
     """
-    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
+    file = NamedBytes(name, content)
+    with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        path, meta = Path(folder) / f"trace{_suffix(name)}", Path(folder) / "conditions.json"
-        path.write_bytes(content)
-        meta.write_text(json.dumps(dict(given)), encoding="utf-8")
-        try:
-            trace = io.read_trace(path, meta=meta)
-            own = {line.key for line in read_sheet(path, ("t",)).entries}
-            if own & set(CONDITION_KEYS):  # the file has its own, and they agree
-                return name, content
-            if path.suffix in TEXT:
-                head = "".join(f"# {key}: {value!r}\n" for key, value in given.items())
-                return name, head.encode() + content.removeprefix(b"\xef\xbb\xbf")
-            again = Path(folder) / "again.json"
-            io.write_trace(again, trace, units="si" if trace.scales is not None else "reduced")
-        except JshellError as error:
-            named = _named(error, str(path), name)
-            raise _named(named, str(meta), "conditions") from None
-        return f"{PurePath(name).stem}.json", again.read_bytes()
-
-
-def example(name: str) -> Path:
-    """A file of `data/examples`, from a checkout or from the installed package."""
-    checkout = Path(__file__).resolve().parents[2] / "data" / "examples" / name
-    return checkout if checkout.exists() else Path(str(resources.files("jshell") / "examples" / name))
+        sheet = read_sheet(file, ("t",))
+        trace = trace_of_sheet(sheet, NamedBytes("conditions", json.dumps(dict(given)).encode()))
+    if {line.key for line in sheet.entries} & set(CONDITION_KEYS):  # the file has its own, and they agree
+        return name, content
+    if file.suffix in TEXT or file.suffix not in FORMATS:
+        head = "".join(f"# {key}: {value!r}\n" for key, value in given.items())
+        return name, head.encode() + content.removeprefix(b"\xef\xbb\xbf")
+    units = "si" if trace.scales is not None else "reduced"
+    again = io.encode_trace(f"{PurePath(name).stem}.json", trace, units)
+    return again.name, bytes(again.content)
 
 
 def conditions_of(problem: Reduced | None) -> dict[str, float] | None:
     """Conditions under the names that files have for them."""
     if problem is None:
         return None
-    return {key: float(getattr(problem, field)) for key, field in CONDITION_FIELDS.items()}
-
-
-def _suffix(name: str) -> str:
-    suffix = PurePath(name).suffix.lower()
-    return suffix if suffix in FORMATS else ".csv"
-
-
-def _named(error: JshellError, path: str, name: str) -> JshellError:
-    """The same error, calling the file by its owner's name."""
-    if path not in str(error):
-        return error
-    words = {key: text.replace(path, name) for key, text in error.record().items() if key != "code"}
-    return type(error)(**words)
+    return {key: float(value) for key, value in problem.as_dict().items()}

@@ -1,4 +1,4 @@
-"""A job as it is told: its state, what was asked, why it failed."""
+"""A job as it is reported: its state, what was asked, why it failed."""
 
 import dataclasses
 import hashlib
@@ -12,12 +12,27 @@ from jshell.service.tables import CANCELLED, DONE, FAILED
 
 @dataclasses.dataclass(frozen=True)
 class Failure:
-    """Why a job has no result, in the words of the library's errors."""
+    """Why a job has no result, in the words of the library's errors.
+
+    Attributes:
+        code, place, found, remedy: As of `JshellError`.
+        expected: As well; empty where there is no more to it than that the job should have ended.
+    """
 
     code: str
     place: str
-    cause: str
+    found: str
+    expected: str
     remedy: str
+
+    @property
+    def cause(self) -> str:
+        """What was found and expected, as a sentence."""
+        return f"found {self.found}; expected {self.expected}" if self.expected else self.found
+
+    def words(self) -> dict[str, str]:
+        """The failure as the API renders it; fields of `schemas.Failure`."""
+        return dataclasses.asdict(self) | {"cause": self.cause}
 
 
 @dataclasses.dataclass(frozen=True)

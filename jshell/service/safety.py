@@ -23,7 +23,7 @@ from jshell.errors import BadValue, JshellError
 from jshell.io.sheets import NUMBER
 from jshell.service.batches import FORMULA
 from jshell.service.problems import CrossSite, NoToken, TooLarge, TooSlow, WrongHost
-from jshell.service.settings import HELD, LOCAL, Settings
+from jshell.service.settings import LOCAL, MAX_BODY_BYTES, Settings
 
 Scope = MutableMapping[str, Any]
 Message = MutableMapping[str, Any]
@@ -36,7 +36,7 @@ COOKIE = "jshell_token"
 OPEN = ("/healthz", "/login", "/static/")  # what needs no token
 SAFE = ("GET", "HEAD", "OPTIONS")
 LARGE = 2**20  # bytes of a body that is no form from which only some are read at the same time
-ABREAST = 8  # of these; the others wait in the network, and their time does not run
+MAX_LARGE_BODIES = 8  # of these; the others wait in the network, and their time does not run
 NAME = 120  # characters of a file's name that are kept
 HEADERS = (
     (b"content-security-policy", b"default-src 'self'; img-src 'self' data:; object-src 'none'; base-uri 'none'; "
@@ -83,7 +83,7 @@ class Gate:
     def __init__(self, app: App, settings: Settings, refuse: Refuse) -> None:
         self.app, self.settings, self.refuse = app, settings, refuse
         self.hosts = {host.lower().strip("[]") for host in settings.allowed_hosts}
-        self.room = asyncio.Semaphore(ABREAST)
+        self.large_bodies = asyncio.Semaphore(MAX_LARGE_BODIES)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":
@@ -105,7 +105,7 @@ class Gate:
                 await dressed(message)
 
         try:
-            async with self.room if _is_large(headers) else contextlib.nullcontext():
+            async with self.large_bodies if _is_large(headers) else contextlib.nullcontext():
                 await self.app(scope, counted, watched)
         except (TooLarge, TooSlow):
             if started:
@@ -144,7 +144,7 @@ class Gate:
 
     def _most(self, headers: dict[bytes, str]) -> int:
         """The largest body: files of a form wait on the disk, anything else in memory."""
-        return self.settings.upload if _is_form(headers) else min(HELD, self.settings.upload)
+        return self.settings.upload if _is_form(headers) else min(MAX_BODY_BYTES, self.settings.upload)
 
     def _dressed(self, send: Send) -> Send:
         async def dressed(message: Message) -> None:

@@ -165,7 +165,9 @@ class Failure(BaseModel):
 
     code: str
     place: str
-    cause: str
+    cause: str = Field(description="`found` and `expected` in one sentence.")
+    found: str
+    expected: str = Field(description="Empty where it is no more than a job that ends.")
     remedy: str
 
 

@@ -1,7 +1,6 @@
 """What a client sends: options as JSON, traces as files, a batch as what can be taken apart."""
 
 import math
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,9 +9,11 @@ from jshell import io
 from jshell.calibration import Recordings
 from jshell.calibration.recordings import gathered
 from jshell.errors import BadValue
-from jshell.io.files import check_file
+from jshell.files import NamedBytes
+from jshell.io.files import read_bytes
 from jshell.service import archives, batches
-from jshell.service.parts import Whole
+from jshell.service.chunks import Whole
+from jshell.shell.parameters import Reduced
 from jshell.trace import Trace
 
 PIECE = 2**19  # bytes that are sent at once
@@ -44,23 +45,24 @@ def plain(options: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
-def written(trace: Trace) -> tuple[str, bytes]:
-    """Name and bytes of a trace as a file."""
+def numbers(conditions: Reduced) -> dict[str, float]:
+    """Conditions as JSON has them, under the keys of files."""
+    return {key: float(value) for key, value in conditions.as_dict().items()}
+
+
+def written(trace: Trace) -> NamedBytes:
+    """A trace as a file."""
     units = "si" if trace.scales is not None and trace.conditions is not None else "reduced"
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "trace.json"
-        io.write_trace(path, trace, units=units)
-        return path.name, path.read_bytes()
+    return io.encode_trace("trace.json", trace, units)
 
 
-def content(path: Path) -> bytes:
-    """The bytes of a file.
+def content(path: str | Path) -> tuple[str, bytes]:
+    """Name and bytes of a file, as it is sent: without the folders it lies in.
 
     Raises:
         BadFile: No such file, or one that cannot be sent.
     """
-    check_file(path)
-    return path.read_bytes()
+    return Path(path).name, bytes(read_bytes(path).content)
 
 
 def pieces(body: bytes) -> Iterator[memoryview]:
@@ -79,7 +81,7 @@ def whole(traces: Recordings | Sequence[Trace] | str | Path) -> Whole:
         return traces
     if not isinstance(traces, str | Path):
         return gathered(list(traces))
-    name, found = Path(traces).name, content(Path(traces))
+    name, found = content(traces)
     if name.lower().endswith(".zip"):
         return archives.files(name, found)
     if name.lower().endswith(".npz") and batches.count(found, name):

@@ -5,38 +5,43 @@ import socket
 import sys
 from collections.abc import Callable
 
-from jshell.errors import BadValue, MissingExtra
+from jshell.errors import BadValue, require_extra
 from jshell.service.settings import Settings
 
 HEADER = 16 * 1024  # bytes of a request's line and headers
 CONNECTIONS = 512  # open at the same time; more are told to come back
 IDLE = 15  # seconds that a quiet connection is kept
+PACKAGES = (
+    "uvicorn",
+    "fastapi",
+    "sqlalchemy",
+    "jinja2",
+    "python_multipart",
+    "prometheus_client",
+)  # of the extra `service`
 
 
-def serve(settings: Settings, told: Callable[[str], None] | None = None) -> None:
+def serve(settings: Settings, report: Callable[[str], None] | None = None) -> None:
     """Listen until a signal says stop; then finish or give back what runs, within ten seconds.
 
     Args:
         settings: What the keeper chose.
-        told: Is called with the address once it is known.
+        report: Is called with the address once it is known.
 
     Raises:
         BadValue: An open address without a token, or a port that is taken.
         BadStore, StoreUnavailable: As `Store.open`.
         MissingExtra: The extra `service` is not installed.
     """
-    try:
-        import uvicorn
+    for module in PACKAGES:
+        require_extra(module, "service", "jshell serve")
+    import uvicorn
 
-        from jshell.service.app import create_app
-        from jshell.service.safety import check_open
-        from jshell.service.store import Store
-        from jshell.service.worker import Worker
-    except ImportError as error:
-        raise MissingExtra(
-            "jshell serve", found=f"no {error.name}", expected="the extra `service`",
-            remedy="Install it: pip install 'jshell[service]'.",
-        ) from error  # fmt: skip
+    from jshell.service.app import create_app
+    from jshell.service.safety import check_open
+    from jshell.service.store import Store
+    from jshell.service.worker import Worker
+
     check_open(settings)
     listening = _listen(settings)
     store = Store.open(settings.db, queue=settings.queue, attempts=settings.attempts)
@@ -47,9 +52,9 @@ def serve(settings: Settings, told: Callable[[str], None] | None = None) -> None
             h11_max_incomplete_event_size=HEADER, limit_concurrency=CONNECTIONS, timeout_keep_alive=IDLE,
             timeout_graceful_shutdown=2, lifespan="on", access_log=False, proxy_headers=False,
         )  # fmt: skip
-        if told is not None:
+        if report is not None:
             host, port = listening.getsockname()[:2]
-            told(f"http://{f'[{host}]' if ':' in host else host}:{port}")
+            report(f"http://{f'[{host}]' if ':' in host else host}:{port}")
         server = uvicorn.Server(config)
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda *_: None if server.started else sys.exit(0))

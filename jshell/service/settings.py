@@ -4,13 +4,13 @@ from dataclasses import dataclass, field
 
 from jshell.errors import BadValue
 
-HELD = 32 * 2**20  # bytes of a body that is no form: it stays in memory while it arrives
+MAX_BODY_BYTES = 32 * 2**20  # bytes of a body that is no form: it stays in memory while it arrives
 LOCAL = ("127.0.0.1", "localhost", "::1")
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What a running service was told.
+    """How a service runs.
 
     Args:
         db: Where jobs are kept: `sqlite:///jshell.db`, or `postgresql+psycopg://user@host/database`.

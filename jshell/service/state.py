@@ -1,59 +1,43 @@
 """What a running service holds, as its routes see it."""
 
-import threading
 import time
-from collections import Counter
-from collections.abc import Awaitable, Callable, MutableMapping
-from dataclasses import dataclass, field
+from collections.abc import Awaitable, Callable, Mapping, MutableMapping
+from dataclasses import dataclass
 from typing import Annotated, Any
 
 from fastapi import Depends, Request
+from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, disable_created_metrics, generate_latest
 
 from jshell.service.settings import Settings
 from jshell.service.store import Store
 
 EDGES = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0)  # [s] of the histogram of answers
+disable_created_metrics()  # a time beside every number: nobody asked for them
 
 
-@dataclass
 class Metrics:
-    """Requests that were answered, by method and status, and how long they took."""
+    """Requests that were answered, by method and status, and how long they took; jobs by state, when it is asked."""
 
-    requests: Counter[tuple[str, int]] = field(default_factory=Counter)
-    slots: list[int] = field(default_factory=lambda: [0] * (len(EDGES) + 1))
-    seconds: float = 0.0
-    _turn: threading.Lock = field(default_factory=threading.Lock)
+    def __init__(self) -> None:
+        self._all = CollectorRegistry()
+        self._version = Gauge("jshell_info", "Version of the service.", ["version"], registry=self._all)
+        self._jobs = Gauge("jshell_jobs", "Jobs by state.", ["state"], registry=self._all)
+        self._requests = Counter("jshell_requests", "Requests answered.", ["method", "status"], registry=self._all)
+        self._seconds = Histogram(
+            "jshell_request_seconds", "Time to the end of an answer.", buckets=EDGES, registry=self._all
+        )
 
     def add(self, method: str, status: int, seconds: float) -> None:
         """Count one answer."""
-        slot = next((i for i, edge in enumerate(EDGES) if seconds <= edge), len(EDGES))
-        with self._turn:
-            self.requests[method, status] += 1
-            self.slots[slot] += 1
-            self.seconds += seconds
+        self._requests.labels(method, str(status)).inc()
+        self._seconds.observe(seconds)
 
-    def text(self, jobs: MutableMapping[str, int] | dict[str, int], version: str) -> str:
+    def text(self, jobs: Mapping[str, int], version: str) -> str:
         """All of it in Prometheus' text format."""
-        with self._turn:
-            requests, slots, seconds = dict(self.requests), list(self.slots), self.seconds
-        lines = [
-            "# HELP jshell_info Version of the service.", "# TYPE jshell_info gauge",
-            f'jshell_info{{version="{version}"}} 1',
-            "# HELP jshell_jobs Jobs by state.", "# TYPE jshell_jobs gauge",
-            *(f'jshell_jobs{{state="{state}"}} {count}' for state, count in sorted(jobs.items())),
-            "# HELP jshell_requests_total Requests answered.", "# TYPE jshell_requests_total counter",
-            *(
-                f'jshell_requests_total{{method="{method}",status="{status}"}} {count}'
-                for (method, status), count in sorted(requests.items())
-            ),
-            "# HELP jshell_request_seconds Time to the end of an answer.", "# TYPE jshell_request_seconds histogram",
-        ]  # fmt: skip
-        total = 0
-        for edge, count in zip((*EDGES, "+Inf"), slots, strict=True):
-            total += count
-            lines.append(f'jshell_request_seconds_bucket{{le="{edge}"}} {total}')
-        lines += [f"jshell_request_seconds_sum {seconds:.6f}", f"jshell_request_seconds_count {total}"]
-        return "\n".join(lines) + "\n"
+        self._version.labels(version).set(1)
+        for state, count in jobs.items():
+            self._jobs.labels(state).set(count)
+        return generate_latest(self._all).decode()
 
 
 KNOWN = ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS")

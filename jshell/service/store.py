@@ -15,12 +15,12 @@ from typing import Any
 
 import sqlalchemy as sa
 
-from jshell.errors import BadName, BadStore, BadValue, NotFound, QueueFull, StoreUnavailable
+from jshell.errors import BadStore, BadValue, NotFound, QueueFull, StoreUnavailable, choose
 from jshell.service import statements, uploads
-from jshell.service.bell import Bell
 from jshell.service.database import Database
+from jshell.service.notifier import Notifier
 from jshell.service.rows import Failure, JobRow, Submission, content_of, job_of, key_conflict, unknown_job
-from jshell.service.tables import CANCELLED, DONE, FAILED, QUEUED, RUNNING, STATES, jobs, pulse, results
+from jshell.service.tables import CANCELLED, DONE, FAILED, QUEUED, RUNNING, STATES, heartbeats, jobs, results
 from jshell.service.uploads import TraceRow, Upload
 
 KINDS = ("fit", "batch", "simulate", "modes")
@@ -39,7 +39,7 @@ class Store:
 
     def __init__(self, database: Database, *, queue: int = 1000, attempts: int = 3) -> None:
         self.database, self.queue, self.attempts = database, queue, attempts
-        self.bell = Bell()  # rung where this process accepts a job or takes one back
+        self.notifier = Notifier()  # notified where this process accepts a job or takes one back
         self._recent = uploads.Recent()
 
     @staticmethod
@@ -113,8 +113,7 @@ class Store:
             QueueFull: More jobs wait than may.
             StoreUnavailable: Nothing was accepted.
         """
-        if kind not in KINDS:
-            raise BadName(f"kind {kind!r}", found="no such kind", expected=", ".join(KINDS), remedy="Choose one.")
+        choose("kind", kind, KINDS)
         try:
             text = json.dumps(specification, sort_keys=True, ensure_ascii=False, allow_nan=False)
         except (TypeError, ValueError) as error:
@@ -150,7 +149,7 @@ class Store:
         for one, name in zip(given, names, strict=False):  # none where nothing was kept
             self._recent.keep(one, name)
         if made:
-            self.bell.ring()
+            self.notifier.notify()
         return Submission(job_of(row), made)
 
     def job(self, job: str) -> JobRow:
@@ -174,8 +173,8 @@ class Store:
             BadName: No such state.
             NotFound: No such job to be before.
         """
-        if state is not None and state not in STATES:
-            raise BadName(f"state {state!r}", found="no such state", expected=", ".join(STATES), remedy="Choose one.")
+        if state is not None:
+            choose("state", state, STATES)
         asked = sa.select(jobs).order_by(jobs.c.number.desc()).limit(limit)
         with self.database.reading() as connection:
             if before is not None:
@@ -237,7 +236,7 @@ class Store:
         """Whether the database takes a write; false where it does not answer or is full."""
         try:
             with self.database.writing() as connection:
-                connection.execute(pulse.update().values(beat=self.database.clock))
+                connection.execute(heartbeats.update().values(beat=self.database.clock))
         except (StoreUnavailable, BadStore):
             return False
         return True
@@ -301,7 +300,7 @@ class Store:
                 connection.execute(results.insert(), rows)
         return True
 
-    def give_back(self, job: str, owner: str, attempt: int, *, died: bool = False, delay: float | int = 0.0) -> bool:
+    def release(self, job: str, owner: str, attempt: int, *, died: bool = False, delay: float | int = 0.0) -> bool:
         """Let another one have a job.
 
         Args:
@@ -315,13 +314,13 @@ class Store:
         with self.database.writing() as connection:
             return self._requeue(connection, _held(job, owner, attempt), died, delay) == 1
 
-    def reclaim(self) -> int:
+    def reap_expired(self) -> int:
         """Take jobs from owners that no longer speak; how many."""
         silent = jobs.update().where(jobs.c.state == RUNNING, jobs.c.lease < self.database.clock)
         with self.database.writing() as connection:
             found = self._requeue(connection, silent, True, 0.0)
         if found:
-            self.bell.ring()
+            self.notifier.notify()
         return found
 
     def _requeue(self, connection: sa.Connection, chosen: sa.Update, died: bool, delay: float | int) -> int:
@@ -332,6 +331,7 @@ class Store:
             DIED,
             "worker",
             f"worker died: {self.attempts} times in the middle of this job",
+            "",
             "Look at the memory of the machine and at the log of the service; a shorter record needs less.",
         )
         change = chosen.values(

@@ -4,6 +4,7 @@ Every change of a table is a numbered step; a database tells which it has seen.
 A step that was ever released is never edited: the next one is added.
 """
 
+import json
 from collections.abc import Callable
 
 import sqlalchemy as sa
@@ -88,7 +89,7 @@ results = sa.Table(
 )
 
 
-pulse = sa.Table(  # one row, written to learn whether anything can be written
+heartbeats = sa.Table(  # one row, written to learn whether anything can be written
     "pulse",
     metadata,
     sa.Column("number", sa.Integer, primary_key=True),
@@ -98,10 +99,26 @@ pulse = sa.Table(  # one row, written to learn whether anything can be written
 
 def _first(connection: sa.Connection) -> None:
     metadata.create_all(connection)
-    connection.execute(pulse.insert().values(number=1, beat=0.0))
+    connection.execute(heartbeats.insert().values(number=1, beat=0.0))
 
 
-STEPS: tuple[tuple[str, Callable[[sa.Connection], None]], ...] = (("traces, jobs, keys and results", _first),)
+def _errors_apart(connection: sa.Connection) -> None:
+    """What was found and what was expected stood in one sentence, `cause`."""
+    for number, text in connection.execute(sa.select(jobs.c.number, jobs.c.error).where(jobs.c.error.is_not(None))):
+        error = json.loads(text)
+        cause = error.pop("cause")
+        found, apart, expected = cause.partition("; expected ")
+        if apart and found.startswith("found "):
+            error |= {"found": found.removeprefix("found "), "expected": expected}
+        else:
+            error |= {"found": cause, "expected": ""}
+        connection.execute(jobs.update().where(jobs.c.number == number).values(error=json.dumps(error)))
+
+
+STEPS: tuple[tuple[str, Callable[[sa.Connection], None]], ...] = (
+    ("traces, jobs, keys and results", _first),
+    ("what was found and what was expected in an error", _errors_apart),
+)
 
 
 def migrate(connection: sa.Connection, now: float) -> int:

@@ -1,4 +1,4 @@
-"""What a job does: JSON and files in, files out.
+"""What a job does: JSON and named bytes in, named bytes out.
 
 Plain functions that a process anywhere can import; nothing of the database,
 nothing of HTTP. A job is data only: what it asks for is looked up here by name.
@@ -10,13 +10,10 @@ import functools
 import io as streams
 import json
 import os
-import shutil
-import tempfile
 import traceback
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path, PurePath
 from typing import Any
 
 import numpy as np
@@ -24,13 +21,14 @@ import numpy as np
 from jshell import calibration, dynamics, io, oscillator
 from jshell.calibration.specification import Specification
 from jshell.calibration.stored import stored
-from jshell.errors import BadName, BadValue, JshellError, LimitReached
-from jshell.io.formats import FORMATS
-from jshell.io.records import plain, write_record
+from jshell.errors import BadValue, JshellError, LimitReached, choose
+from jshell.files import NamedBytes
+from jshell.io.files import bytes_written
+from jshell.io.records import encode_record, plain
 from jshell.oscillator import Coefficients
 from jshell.service import batches
 from jshell.service.archives import Content
-from jshell.service.spool import Place
+from jshell.service.shared_file import FileRef
 from jshell.shell import Reduced
 from jshell.trace import Trace
 
@@ -42,8 +40,6 @@ SIMULATOR = frozenset(
 )
 MODES = frozenset({"liquid", "count", "elements", "attached"})
 OSCILLATOR = frozenset({"duration", "every", "coefficients", "initial", "netcdf"})
-MEMORY = Path("/dev/shm")  # Linux; in a container it may be small
-SMALL = 2**20  # bytes of a file that is laid there to be read
 Files = Sequence[tuple[str, Content]]
 _USUAL = {"d_hat": 0.22, "P0_hat": 0.9, "Pext_hat": 1.6, "eta_hat": 0.004}
 
@@ -78,16 +74,16 @@ def ready(warm: bool = False, nice: int | None = None) -> int:
     return os.getpid()
 
 
-def run(kind: str, specification: Mapping[str, Any], files: Sequence[tuple[str, bytes | Place]] = ()) -> Answer:
+def run(kind: str, specification: Mapping[str, Any], files: Sequence[tuple[str, bytes | FileRef]] = ()) -> Answer:
     """Do a job.
 
     Args:
         kind: `fit`, `batch`, `simulate` or `modes`.
         specification: What is asked.
-        files: Name and bytes of each trace, or where on this machine its bytes are.
+        files: Name and bytes of each trace, or a reference to them in a file of this machine.
     """
     try:
-        given = [(name, found.seen() if isinstance(found, Place) else found) for name, found in files]
+        given = [NamedBytes(name, found.view() if isinstance(found, FileRef) else found) for name, found in files]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # a result carries its own warnings
             return Answer(_TASKS[kind](specification, given))
@@ -111,7 +107,9 @@ def fit(specification: Mapping[str, Any], files: Files) -> dict[str, bytes]:
     """
     _known(specification, FIT | FIT_MORE)
     asked = {name: value for name, value in specification.items() if name in FIT}
-    traces = [_trace(name, content, specification.get("conditions")) for name, content in files]
+    given = specification.get("conditions")
+    meta = None if given is None else NamedBytes("conditions.json", json.dumps(given).encode())
+    traces = [io.read_trace(NamedBytes(*file), meta=meta) for file in files]
     free = asked.get("loss") is None and not asked.get("channels")
     if free and traces and all({"V", "S"} <= set(trace.channels) for trace in traces):
         asked |= {"loss": "strict", "channels": ("V", "S")}
@@ -121,15 +119,14 @@ def fit(specification: Mapping[str, Any], files: Files) -> dict[str, bytes]:
     local = tuple(asked.pop("local", None) or ())
     found = calibration.fit_trajectories(traces, **asked, priors=priors, bounds=bounds, drop=drop, local=local)
     made = {
-        "record.json": _record("fit", stored(found)),
+        "record.json": encode_record("fit", stored(found)),
         "report.txt": found.report().encode(),
         "table.csv": _parameters(found),
     }
     if specification.get("profile"):
         made["profile.json"] = _json(found.profile().record())
     if specification.get("netcdf", True):
-        with tempfile.TemporaryDirectory() as folder:
-            made["record.nc"] = found.to_netcdf(Path(folder) / "record.nc").read_bytes()
+        made["record.nc"] = bytes_written("record.nc", found.to_netcdf)
     return made
 
 
@@ -146,9 +143,7 @@ def batch(specification: Mapping[str, Any], files: Files) -> dict[str, bytes]:
     _known(specification, BATCH)
     asked = dict(specification)
     asked["bounds"] = {name: _limits(pair) for name, pair in (asked.pop("bounds", None) or {}).items()}
-    with tempfile.TemporaryDirectory() as disk, _in_memory() as memory:  # a folder a file takes as long as reading it
-        place = lambda content: Path(memory if len(content) <= SMALL else disk)  # noqa: E731
-        records = batches.read(files, lambda name, content: _trace_in(place(content), name, content))
+    records = batches.read(files)
     found = batches.fitted(records, asked)
     return {"record.npz": batches.pack_result(found, records.names)}
 
@@ -163,13 +158,8 @@ def simulate(specification: Mapping[str, Any], files: Files = ()) -> dict[str, b
         JshellError: As `jshell.dynamics.simulate` and `jshell.oscillator.simulate`.
     """
     trace = motion(specification)
-    made = {}
-    with tempfile.TemporaryDirectory() as folder:
-        for suffix in (".json", ".csv", ".nc") if specification.get("netcdf", True) else (".json", ".csv"):
-            path = Path(folder) / f"trace{suffix}"
-            io.write_trace(path, trace)
-            made[path.name] = path.read_bytes()
-    return made
+    names = ("trace.json", "trace.csv", *(("trace.nc",) if specification.get("netcdf", True) else ()))
+    return {name: bytes(io.encode_trace(name, trace).content) for name in names}
 
 
 def motion(specification: Mapping[str, Any]) -> Trace:
@@ -182,10 +172,7 @@ def motion(specification: Mapping[str, Any]) -> Trace:
     model = asked.pop("model", "simulator")
     given = asked.pop("conditions", None)
     asked.pop("netcdf", None)
-    if model not in ("simulator", "oscillator"):
-        raise BadName(
-            f"model {model!r}", found="no such model", expected="simulator or oscillator", remedy="Choose one."
-        )
+    choose("model", model, ("simulator", "oscillator"), expected="simulator or oscillator")
     _known(asked, SIMULATOR if model == "simulator" else OSCILLATOR)
     conditions = _conditions(given)
     if model == "simulator":
@@ -223,10 +210,7 @@ def modes(specification: Mapping[str, Any], files: Files = ()) -> dict[str, byte
 
 def _conditions(given: Any) -> Reduced:
     """The shell that a specification names."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "conditions.json"
-        path.write_text(json.dumps(given))
-        return _reading(path, "conditions", lambda: io.read_conditions(path))[0]
+    return io.read_conditions(NamedBytes("conditions", json.dumps(given).encode()))[0]
 
 
 _TASKS: Mapping[str, Callable[[Mapping[str, Any], Files], dict[str, bytes]]] = {
@@ -244,64 +228,14 @@ def _warm() -> None:
     calibration.fit_trajectories(trace, "strict")
 
 
-def _trace(name: str, content: Content, conditions: Any = None) -> Trace:
-    """A trace from the bytes of a file."""
-    with tempfile.TemporaryDirectory() as folder:
-        return _trace_in(Path(folder), name, content, conditions)
-
-
-def _in_memory() -> tempfile.TemporaryDirectory:
-    """A folder for small files, one at a time; in memory where the machine has such a place, else on the disk."""
-    there = os.access(MEMORY, os.W_OK) and shutil.disk_usage(MEMORY).free > 4 * SMALL
-    return tempfile.TemporaryDirectory(dir=MEMORY if there else None)
-
-
-def _trace_in(folder: Path, name: str, content: Content, conditions: Any = None) -> Trace:
-    """A trace, laid in a folder to be read; errors call it by the name that its owner gave it."""
-    suffix = PurePath(name).suffix.lower()
-    path = folder / f"trace{suffix if suffix in FORMATS else '.csv'}"
-    path.write_bytes(content)
-    meta = None
-    if conditions is not None:
-        meta = folder / "conditions.json"
-        meta.write_text(json.dumps(conditions))
-    try:
-        return _reading(path, name, lambda: io.read_trace(path, meta=meta))
-    finally:
-        path.unlink()  # a file that is written over waits for the disk
-
-
-def _reading(path: Path, name: str, read: Callable[[], Any]) -> Any:
-    try:
-        return read()
-    except JshellError as error:
-        hidden = str(path.parent)
-        words = {key: text.replace(str(path), name).replace(hidden + "/", "") for key, text in error.record().items()}
-        code = words.pop("code")
-        renamed = type(error)(**words)  # pyright: ignore[reportCallIssue]
-        renamed.code = code
-        raise renamed from None
-
-
 def _known(specification: Mapping[str, Any], names: frozenset[str]) -> None:
     for name in specification:
-        if name not in names:
-            raise BadName(
-                f"option {name!r}",
-                found="no such option of this job",
-                expected=", ".join(sorted(names)),
-                remedy="Leave it out, or choose one of these.",
-            )
+        choose("option", name, sorted(names), remedy="Leave it out, or choose one of these.")
 
 
 def _limits(pair: Sequence[float | int | None]) -> tuple[float, float]:
     low, high = pair
     return (-np.inf if low is None else float(low), np.inf if high is None else float(high))
-
-
-def _record(kind: str, content: Mapping[str, Any]) -> bytes:
-    with tempfile.TemporaryDirectory() as folder:
-        return write_record(Path(folder) / "record.json", kind, content).read_bytes()
 
 
 def _json(content: Any) -> bytes:

@@ -28,12 +28,12 @@ from jshell.engines.quiet import LOGGING, quiet
 from jshell.errors import BadStore, JshellError, LimitReached, StoreUnavailable, WorkerLost
 from jshell.service import tasks
 from jshell.service.settings import Settings
-from jshell.service.spool import Place, Spool
+from jshell.service.shared_file import FileRef, SharedFile
 from jshell.service.store import Failure, JobRow, Store
 
 log = logging.getLogger("jshell.service")
 PROGRAMS = "jax_compilation_cache_dir"
-LARGE = 2**20  # bytes of the files of a job from which they are laid on the disk for its process
+LARGE = 2**20  # bytes of the files of a job from which they are shared with its process through a file
 LOOK = 0.1  # [s] between two looks at a running job
 IDLE = 0.5  # [s] between two looks for work that came from elsewhere
 BACKOFF = (0.5, 1.0, 2.0, 5.0, 10.0)  # [s] between attempts to reach an engine or the database
@@ -86,8 +86,8 @@ class Worker:
         while not self.ending.wait(min(1.0, self.settings.lease / 5)):
             try:
                 for slot in self._slots:
-                    slot.beat()
-                self.store.reclaim()
+                    slot.heartbeat()
+                self.store.reap_expired()
             except (StoreUnavailable, BadStore) as error:
                 log.warning("the database does not answer: %s", error)
 
@@ -110,9 +110,9 @@ class _Slot:
         self._lost: JobRow | None = None
         self._engine: Executor | None = None
         self._process: int | None = None
-        self._spool: Spool | None = None
+        self._shared: SharedFile | None = None
 
-    def beat(self) -> None:
+    def heartbeat(self) -> None:
         """Keep the lease of the job under way; note where it is no longer ours."""
         job = self.job
         if job is None or job is self._lost:
@@ -150,7 +150,7 @@ class _Slot:
             try:
                 if not self._is_ready():
                     continue
-                heard = self.store.bell.rung
+                seen = self.store.notifier.count
                 job = self.store.lease(self.owner, self.settings.lease)
             except (JshellError, OSError, RuntimeError, CancelledError) as error:
                 log.warning("not ready for a job: %s", error)
@@ -160,7 +160,7 @@ class _Slot:
                 continue
             failures = 0
             if job is None:
-                self.store.bell.wait(heard, IDLE)
+                self.store.notifier.wait(seen, IDLE)
                 continue
             self.job = job
             try:
@@ -170,8 +170,8 @@ class _Slot:
             finally:
                 self.job = None
         self.close()
-        if self._spool is not None:
-            self._spool.close()
+        if self._shared is not None:
+            self._shared.close()
 
     def _is_ready(self) -> bool:
         """Whether the engine answers; opens it where there is none, and waits until everything is imported.
@@ -211,20 +211,20 @@ class _Slot:
         if not self._insist(lambda: self.store.finish(job.id, self.owner, job.attempt, outcome)):
             log.info("job %s, attempt %d: came too late, and was not recorded", job.id, job.attempt)
 
-    def _laid_out(self, files: Sequence[tuple[str, bytes]]) -> Sequence[tuple[str, bytes | Place]]:
-        """The files of a job as its process is given them: large ones by their place."""
+    def _laid_out(self, files: Sequence[tuple[str, bytes]]) -> Sequence[tuple[str, bytes | FileRef]]:
+        """The files of a job as its process is given them: large ones by reference."""
         if not isinstance(self._engine, Processes) or sum(len(content) for _, content in files) < LARGE:
             return files
-        if self._spool is None:
-            self._spool = Spool()
-        return self._spool.lay(files)
+        if self._shared is None:
+            self._shared = SharedFile()
+        return self._shared.write(files)
 
     def _put_back(self, job: JobRow, error: BaseException) -> None:
         """After the loss of a worker: it counts against the job, unless the whole cluster was lost."""
         died = isinstance(self._engine, Processes) or "KilledWorker" in str(error)
         log.warning("job %s, attempt %d: %s", job.id, job.attempt, error)
         delay = 0.0 if died else BACKOFF[1]
-        self._insist(lambda: self.store.give_back(job.id, self.owner, job.attempt, died=died, delay=delay))
+        self._insist(lambda: self.store.release(job.id, self.owner, job.attempt, died=died, delay=delay))
         if not isinstance(self._engine, Processes):
             self.close()
 
@@ -239,7 +239,7 @@ class _Slot:
                     raise
             if self.worker.ending.is_set():
                 self._end(future)
-                self._insist(lambda: self.store.give_back(job.id, self.owner, job.attempt))
+                self._insist(lambda: self.store.release(job.id, self.owner, job.attempt))
                 return _Ended(None)
             if self._lost is job:
                 self._end(future)
@@ -285,8 +285,7 @@ class _Slot:
         if answer.fault is not None:
             return self._fault(job, answer.fault)
         if answer.error is not None:
-            e = answer.error
-            return Failure(e["code"], e["place"], f"found {e['found']}; expected {e['expected']}", e["remedy"])
+            return Failure(**answer.error)
         return answer.files
 
     def _fault(self, job: JobRow, words: str) -> Failure:
@@ -296,13 +295,14 @@ class _Slot:
             "internal",
             f"job {job.id}",
             f"a fault of jshell itself, error {number} in the log of the service",
+            "",
             "Tell whoever keeps the service this number; the same job will fail again.",
         )
 
 
 def _reached(what: str, found: str, most: str, advice: str) -> Failure:
     error = LimitReached(f"{what} of a job", found=found, expected=most, remedy=f"{advice}, or raise the setting.")
-    return Failure(error.code, error.place, f"found {found}; expected {most}", error.remedy)
+    return Failure(**error.record())
 
 
 def _resident(process: int | None) -> int | None:

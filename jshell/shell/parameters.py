@@ -8,7 +8,8 @@ Symbols    d̂ thickness   P̂0 gas pressure   P̂ext outer pressure   η̂ visc
 Source     Mokbel et al. 2021, section "Description of relevant parameters"
 """
 
-from collections.abc import Callable
+import dataclasses
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import equinox as eqx
@@ -20,6 +21,14 @@ from jax.core import Tracer
 from jshell.errors import BadValue
 
 Number = float | jax.Array | np.ndarray
+CONDITION_FIELDS = {
+    "d_hat": "thickness",
+    "P0_hat": "gas_pressure",
+    "Pext_hat": "outer_pressure",
+    "eta_hat": "viscosity",
+    "kappa": "kappa",
+    "nu": "poisson_ratio",
+}  # keys of files to fields of `Reduced`, in its order
 
 
 def check(place: str, value: Number | None, expected: str, good: Callable[[np.ndarray], np.ndarray]) -> None:
@@ -178,6 +187,34 @@ class Reduced(eqx.Module):
     def as_arrays(self) -> "Reduced":
         """The same numbers as JAX arrays, so that a compiled program serves every value."""
         return jax.tree.map(lambda number: jnp.asarray(number, dtype=float), self)
+
+    def replace(self, **changes: Number) -> "Reduced":
+        """The same problem but for some numbers.
+
+        Args:
+            **changes: Fields and their new values, such as `outer_pressure=1.7`.
+
+        Example:
+            >>> import jshell as js
+            >>> js.presets.R.conditions.replace(outer_pressure=1.7).outer_pressure
+            1.7
+        """
+        return dataclasses.replace(self, **changes)
+
+    def as_dict(self) -> dict[str, Number]:
+        """The numbers under the keys that files have for them: `d_hat`, `P0_hat`, `Pext_hat`, `eta_hat`, `kappa`, `nu`.
+
+        Example:
+            >>> import jshell as js
+            >>> js.presets.R.conditions.as_dict()["Pext_hat"]
+            1.6
+        """
+        return {key: getattr(self, field) for key, field in CONDITION_FIELDS.items()}
+
+    @staticmethod
+    def from_dict(numbers: Mapping[str, Number]) -> "Reduced":
+        """The problem of numbers under the keys of files; `eta_hat`, `kappa` and `nu` may be left out."""
+        return Reduced(**{CONDITION_FIELDS[key]: value for key, value in numbers.items()})
 
     @staticmethod
     def from_si(shell: Shell, gas: Gas, liquid: Liquid, load: Load) -> "Reduced":

@@ -7,7 +7,7 @@ numbers differ from R by 1 to 6 percent. `RANGES` is Table 1.
 
 from dataclasses import dataclass
 
-from jshell.errors import BadName
+from jshell.errors import choose
 from jshell.shell.parameters import Gas, Liquid, Load, Reduced, Scales, Shell, scales
 
 
@@ -95,12 +95,6 @@ def preset(name: str) -> Preset:
     Raises:
         BadName: No such preset.
     """
-    if name not in PRESETS:
-        hint = f" {name!r} is a range of Table 1, not one shell: choose numbers inside it." if name in RANGES else ""
-        raise BadName(
-            f"preset {name!r}",
-            found="no such preset",
-            expected="one of " + ", ".join(PRESETS),
-            remedy=f"Check the spelling, or give --d-hat --p0-hat --pext-hat --eta-hat.{hint}",
-        )
-    return PRESETS[name]
+    hint = f" {name!r} is a range of Table 1, not one shell: choose numbers inside it." if name in RANGES else ""
+    remedy = f"Check the spelling, or give --d-hat --p0-hat --pext-hat --eta-hat.{hint}"
+    return PRESETS[choose("preset", name, PRESETS, remedy=remedy)]

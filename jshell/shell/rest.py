@@ -18,7 +18,7 @@ import optimistix as optx
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
-from jshell.errors import BadName, RangeWarning
+from jshell.errors import RangeWarning, choose
 from jshell.shell.elasticity import SPHERE_VOLUME, Scalar, moduli
 from jshell.shell.parameters import Reduced
 
@@ -51,13 +51,12 @@ def plateau_pressure(thickness: Scalar, poisson_ratio: Scalar = 0.5, law: Law | 
         eq:equiplateau. The printed prefactor (3/4)^-0.75 is (1 - ν²)^(-3/4) at ν = 1/2. The constants of
         `pogorelov`, 0.703 and 1.15, fit computed plateaus at V/V0 = 0.7 to 0.5 %.
     """
+    choose("law", law, PLATEAU_RANGES)
     d = thickness
     poisson = (1 - poisson_ratio**2) ** (-0.75)
     if law == "coupier2019":
         return poisson * (2.34e-6 + 0.9 * d**2.57) / d
-    if law == "pogorelov":
-        return poisson * 0.703 * d**1.5 * (1 + 1.15 * d)
-    raise BadName("law", found=repr(law), expected="one of " + ", ".join(PLATEAU_RANGES), remedy="Choose one.")
+    return poisson * 0.703 * d**1.5 * (1 + 1.15 * d)
 
 
 def warn_outside_plateau_range(thickness: Scalar, law: Law | str = "coupier2019") -> None:

@@ -8,6 +8,7 @@ import pytest
 import jshell as js
 from jshell.calibration import fit_frequencies, load
 from jshell.errors import BadFile, BadValue
+from jshell.files import NamedBytes
 
 pytestmark = pytest.mark.filterwarnings("ignore::jshell.errors.RangeWarning")
 TABLE = {
@@ -33,6 +34,7 @@ def test_a_result_comes_back_to_the_bit(result, tmp_path):
     assert read.specification == result.specification
     for old, new in zip(result.traces, read.traces, strict=True):
         assert new["V"].tobytes() == np.asarray(old["V"]).tobytes()
+    assert load(NamedBytes("fit.json", (tmp_path / "fit.json").read_bytes())) == result
     assert (tmp_path / "fit.json").read_text() == read.save(tmp_path / "again.json").read_text()
     with pytest.raises(BadValue, match="read from a file"):
         read.profile()

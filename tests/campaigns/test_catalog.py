@@ -3,13 +3,14 @@
 import csv
 import dataclasses
 import json
+import shutil
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from jshell import campaigns
-from jshell.campaigns.store import Store
+from jshell.campaigns.store import RUNS, Store
 from jshell.cli.main import app
 from jshell.errors import BadFile, BadName
 
@@ -84,6 +85,16 @@ def test_comparison_says_what_moved_and_how_far(undisturbed):
     ]
     assert found.worst()[1].relative == pytest.approx(1e-9, rel=1e-5)
     assert found.versions == (f"jax {first.versions.jax} -> 99.0",)
+
+
+def test_files_of_no_run_are_counted_and_the_old_name_says_the_new_one(undisturbed, tmp_path):
+    folder = tmp_path / "copy"
+    shutil.copytree(undisturbed, folder)
+    (folder / RUNS / "other.npz").write_bytes(b"")
+    found = campaigns.catalog(folder)
+    assert found.orphan_files == 1
+    with pytest.warns(DeprecationWarning, match="orphan_files"):
+        assert found.strangers == 1
 
 
 def test_terminal_tells_the_shipped_campaign(shipped):

@@ -21,6 +21,18 @@ def test_importing_the_package_leaves_the_plotter_out():
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
+def test_importing_the_package_leaves_the_service_out_until_its_client_is_asked_for():
+    code = """
+import sys, jshell
+assert not [name for name in sys.modules if name.startswith("jshell.service")]
+assert {"fastapi", "sqlalchemy", "httpx", "prometheus_client"}.isdisjoint(sys.modules)
+assert jshell.Client.__module__ == "jshell.service.client"
+assert not hasattr(jshell, "Server")
+"""
+    done = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
 @pytest.mark.parametrize("name", ["jshell", *ROOMS])
 def test_every_announced_name_exists(name):
     module = importlib.import_module(name)

@@ -9,7 +9,8 @@ import pytest
 import scipy.io
 
 from jshell.errors import BadFile, BadName, BadShape, BadUnits, BadValue, MissingExtra, Outcome
-from jshell.io import read_table, read_trace, write_trace
+from jshell.files import NamedBytes
+from jshell.io import encode_trace, read_conditions, read_table, read_trace, write_trace
 from jshell.io.files import LIMIT
 from jshell.shell import Reduced, Scales
 from jshell.trace import Trace
@@ -60,6 +61,35 @@ def test_an_si_trace_comes_back_with_its_scales(tmp_path, suffix):
     np.testing.assert_allclose(found["V"], trace["V"], rtol=1e-11)  # text keeps twelve digits
     np.testing.assert_allclose(found.scales.pressure, 1.9e4, rtol=1e-15)
     assert found.settings == SETTINGS
+
+
+@pytest.mark.parametrize("suffix", ALL)
+def test_a_name_with_bytes_is_read_and_written_as_the_file_is(tmp_path, suffix):
+    path = tmp_path / f"a.{suffix.upper()}"
+    write_trace(path, _trace())
+    content = path.read_bytes()
+    for given in (content, memoryview(content)):
+        assert _bits(read_trace(NamedBytes(f"a.{suffix.upper()}", given))) == _bits(read_trace(path))
+    made = encode_trace(f"b.{suffix}", _trace())
+    assert made.name == f"b.{suffix}"
+    assert _bits(read_trace(made)) == _bits(read_trace(path))
+    if suffix not in ("mat", "npz"):  # whose heads hold the time of writing
+        assert made.content == content
+
+
+@pytest.mark.parametrize("suffix", ALL)
+def test_a_refused_name_with_bytes_is_called_by_its_name(suffix):
+    for content in (b"", b"\x01\xff", b"PK\x03\x04", b"MATLAB 5.0", b"\x89HDF", b"{}"):
+        with pytest.raises((BadFile, BadName)) as caught:
+            read_trace(NamedBytes(f"../camera 3.{suffix}", content))
+        assert caught.value.place.startswith(f"../camera 3.{suffix}")
+
+
+def test_conditions_may_be_a_name_with_bytes():
+    trace, meta = NamedBytes("a.csv", b"t,V\n0,3\n1,3\n"), NamedBytes("conditions", json.dumps(FACTS).encode())
+    assert read_trace(trace, meta=meta).conditions == read_conditions(meta)[0]
+    with pytest.raises(BadValue, match=r"^conditions, key `d_hat`"):
+        read_trace(trace, meta=NamedBytes("conditions", json.dumps(FACTS | {"d_hat": -1}).encode()))
 
 
 def test_what_xarray_writes_is_read(tmp_path):

@@ -1,6 +1,7 @@
 """The store, the same on SQLite and PostgreSQL: accepted means kept, finished means once."""
 
 import contextlib
+import json
 import sqlite3
 import threading
 import time
@@ -15,7 +16,7 @@ from jshell.service import store as stores
 from jshell.service.store import Failure, Store
 from jshell.service.uploads import Upload
 
-WRONG = Failure("bad_value", "here", "found 1; expected 2", "Try 2.")
+WRONG = Failure("bad_value", "here", "1", "2", "Try 2.")
 
 
 def asked(store: Store, number: int = 0, key: str | None = None):
@@ -222,14 +223,14 @@ def test_who_lost_the_lease_records_nothing(store):
     job = asked(store).job
     store.lease("slow", 0.01)
     time.sleep(0.1)
-    assert store.reclaim() == 1
-    assert store.reclaim() == 0
+    assert store.reap_expired() == 1
+    assert store.reap_expired() == 0
     assert not store.heartbeat(job.id, "slow", 1)
     assert not store.finish(job.id, "slow", 1, {"a": b"late"})
     again = store.lease("slow", 15)  # the same owner: its second attempt is not its first
     assert again.attempt == 2
     assert not store.finish(job.id, "slow", 1, {"a": b"late"})
-    assert not store.give_back(job.id, "slow", 1)
+    assert not store.release(job.id, "slow", 1)
     assert store.finish(job.id, "slow", 2, {"a": b"right"})
     assert not store.finish(job.id, "slow", 2, {"a": b"twice"})
     assert store.result(job.id, "a") == b"right"
@@ -241,7 +242,7 @@ def test_a_heartbeat_keeps_the_lease(store):
     for _ in range(4):
         assert store.heartbeat(job.id, "me", 1, seconds=0.5)
         time.sleep(0.1)
-        assert store.reclaim() == 0
+        assert store.reap_expired() == 0
 
 
 def test_three_deaths_end_a_job(store, monkeypatch):
@@ -249,7 +250,7 @@ def test_three_deaths_end_a_job(store, monkeypatch):
     job = asked(store).job
     for attempt in (1, 2, 3):
         assert store.lease("me", 15).attempt == attempt
-        assert store.give_back(job.id, "me", attempt, died=True)
+        assert store.release(job.id, "me", attempt, died=True)
     ended = store.job(job.id)
     assert (ended.state, ended.error.code) == ("failed", "worker_died")
     assert "worker died" in ended.error.cause
@@ -261,7 +262,7 @@ def test_what_was_given_back_alive_does_not_count_as_a_death(store):
     job = asked(store).job
     for attempt in range(1, 6):
         assert store.lease("me", 15).attempt == attempt
-        assert store.give_back(job.id, "me", attempt)
+        assert store.release(job.id, "me", attempt)
     assert store.job(job.id).state == "queued"
 
 
@@ -269,9 +270,9 @@ def test_a_job_rests_after_two_deaths_and_for_a_delay(store):
     job, other = asked(store, 0).job, asked(store, 1).job
     for attempt in (1, 2):
         assert store.lease("me", 15).id == job.id
-        store.give_back(job.id, "me", attempt, died=True)
+        store.release(job.id, "me", attempt, died=True)
     assert store.lease("me", 15).id == other.id
-    store.give_back(other.id, "me", 1, delay=60)
+    store.release(other.id, "me", 1, delay=60)
     assert store.lease("me", 15) is None
 
 
@@ -302,6 +303,28 @@ def test_a_database_is_brought_up_to_date_once_and_a_later_one_refused(url):
         one.close()
     with pytest.raises(BadStore, match="later jshell"):
         Store.open(url)
+
+
+def test_errors_of_the_first_tables_come_apart(url):
+    """What was found and expected stood in one sentence."""
+    store = Store.open(url)
+    rows = [asked(store, number).job for number in range(3)]
+    causes = ("found 1; expected 2", "worker died: 3 times in the middle of this job", None)
+    with store.database.writing() as connection:
+        for row, cause in zip(rows, causes, strict=True):
+            words = (
+                None if cause is None else {"code": "bad_value", "place": "here", "cause": cause, "remedy": "Try 2."}
+            )
+            error = None if words is None else json.dumps(words)
+            connection.execute(tables.jobs.update().where(tables.jobs.c.id == row.id).values(error=error))
+        connection.execute(tables.migrations.delete().where(tables.migrations.c.number == 2))
+    store.close()
+    store = Store.open(url)
+    found = [store.job(row.id).error for row in rows]
+    store.close()
+    assert found[0] == WRONG
+    assert (found[1].found, found[1].expected) == (causes[1], "")
+    assert [None if error is None else error.cause for error in found] == list(causes)
 
 
 @pytest.mark.parametrize("url", ["mysql://x/y", "nonsense", "sqlite://", "sqlite:///:memory:"])

@@ -17,7 +17,7 @@ from jshell.calibration import BatchResult, Recordings, fit_batch
 from jshell.calibration.recordings import gathered
 from jshell.errors import BadFile, JshellError, Outcome
 from jshell.oscillator import random_shell, random_trace
-from jshell.service import archives, batches, parts, tasks
+from jshell.service import archives, batches, chunks, tasks
 from jshell.trace import Trace
 
 CONDITIONS = {"d_hat": 0.08, "P0_hat": 0.9, "Pext_hat": 1.2, "eta_hat": 0.004}
@@ -186,32 +186,32 @@ def same(found: BatchResult, expected: BatchResult) -> None:
         np.testing.assert_array_equal(getattr(found, name), getattr(expected, name), err_msg=name)
 
 
-def test_parts_of_a_batch_are_put_together_in_their_order(short, monkeypatch):
-    monkeypatch.setattr(parts, "STEP", 1)
-    monkeypatch.setattr(parts, "BYTES", 1)
-    assert [np.shape(part.values)[0] for part in parts.split(short)] == [1, 1]
+def test_chunks_of_a_batch_are_put_together_in_their_order(short, monkeypatch):
+    monkeypatch.setattr(chunks, "STEP", 1)
+    monkeypatch.setattr(chunks, "MAX_CHUNK_BYTES", 1)
+    assert [np.shape(chunk.values)[0] for chunk in chunks.split(short)] == [1, 1]
     expected = dataclasses.replace(fit_batch(short), free_directions=((1, "k_vs"),), tried=np.array([0, 7]))
-    first, second = (fit_batch(part) for part in parts.split(short))
+    first, second = (fit_batch(chunk) for chunk in chunks.split(short))
     second = dataclasses.replace(second, free_directions=((0, "k_vs"),), tried=np.array([7]))
-    whole = parts.joined([first, second])
+    whole = chunks.joined([first, second])
     same(whole, expected)
-    again = parts.tried_again(whole)
+    again = chunks.tried_again(whole)
     assert list(again) == [1]
     other = dataclasses.replace(second, n_data=np.array([18]), free_directions=((0, "alpha1"),))
-    placed = parts.placed(whole, again, other)
+    placed = chunks.placed(whole, again, other)
     assert list(placed.n_data) == [whole.n_data[0], 18]
     assert placed.free_directions == ((1, "alpha1"),)
 
 
 @pytest.mark.parametrize(("steps", "most", "sizes"), [(1, 1, [1]), (10, 3, [1, 2, 3, 2, 2]), (5, 1, [1] * 5)])
-def test_parts_are_small_at_both_ends(steps, most, sizes):
-    assert parts._sizes(steps, most) == sizes
+def test_chunks_are_small_at_both_ends(steps, most, sizes):
+    assert chunks._sizes(steps, most) == sizes
 
 
 @pytest.mark.slow
-def test_parts_of_a_batch_are_the_whole_to_the_bit(monkeypatch):
-    monkeypatch.setattr(parts, "STEP", 64)
-    monkeypatch.setattr(parts, "BYTES", 1)
+def test_chunks_of_a_batch_are_the_whole_to_the_bit(monkeypatch):
+    monkeypatch.setattr(chunks, "STEP", 64)
+    monkeypatch.setattr(chunks, "MAX_CHUNK_BYTES", 1)
     records = gathered([random_trace(random_shell(seed), seed, noise=0.01) for seed in range(150)])
     values = np.array(records.values)
     random = np.random.default_rng(0)
@@ -219,24 +219,10 @@ def test_parts_of_a_batch_are_the_whole_to_the_bit(monkeypatch):
         values[row] = random.normal(size=values[row].shape)
     records = Recordings(records.times, values, records.conditions, records.sigma, records.counts)
     expected = fit_batch(records, seed=3)
-    assert len(set(np.flatnonzero(expected.tried > 1) // 64)) >= 2  # in several parts
-    found = parts.joined([fit_batch(part, seed=3) for part in parts.split(records)])
-    again = parts.tried_again(found)
-    same(parts.placed(found, again, fit_batch(parts.chosen(records, again), seed=3)), expected)
-
-
-@pytest.mark.parametrize("small", [2**20, 100])
-def test_small_files_of_a_batch_are_laid_in_memory_and_large_ones_on_the_disk(noisy, tmp_path, monkeypatch, small):
-    memory, seen = tmp_path / "memory", []
-    memory.mkdir()
-    monkeypatch.setattr(tasks, "MEMORY", memory)
-    monkeypatch.setattr(tasks, "SMALL", small)
-    monkeypatch.setattr(tasks.io, "read_trace", lambda path, **_: seen.append(path) or noisy)
-    answer = tasks.run("batch", {}, [("a.csv", bytes(200)), ("b.csv", bytes(300))])
-    assert answer.fault is None, answer.fault
-    assert [memory in path.parents for path in seen] == [small > 200] * 2
-    assert not any(path.exists() for path in seen)
-    assert not list(memory.iterdir())
+    assert len(set(np.flatnonzero(expected.tried > 1) // 64)) >= 2  # in several chunks
+    found = chunks.joined([fit_batch(chunk, seed=3) for chunk in chunks.split(records)])
+    again = chunks.tried_again(found)
+    same(chunks.placed(found, again, fit_batch(chunks.chosen(records, again), seed=3)), expected)
 
 
 def test_a_bad_file_of_an_archive_costs_its_own_row(noisy, tmp_path, monkeypatch):

@@ -79,7 +79,7 @@ def test_an_error_of_the_user_comes_back_in_words(running):
     row = awaited(store, job.id, "done", "failed")
     assert row.state == "failed"
     assert (row.error.code, row.error.place) == ("bad_file", "camera.csv")
-    assert row.error.cause.startswith("found ")
+    assert (row.error.found, row.error.expected) == ("a single row of numbers", "at least two")
     assert row.error.remedy
 
 

@@ -27,7 +27,9 @@ Before = Annotated[
 _LINK = {"Location": {"description": "Where the thing made stands.", "schema": {"type": "string"}, "required": True}}
 
 
-def told(*statuses: int, made: tuple[int, ...] = (), more: Mapping[int, Any] = {}) -> dict[int | str, dict[str, Any]]:
+def problem_responses(
+    *statuses: int, made: tuple[int, ...] = (), more: Mapping[int, Any] = {}
+) -> dict[int | str, dict[str, Any]]:
     """The problems of a route beside those that any may have.
 
     Args:

@@ -7,7 +7,7 @@ from fastapi.responses import PlainTextResponse
 
 import jshell
 from jshell.errors import StoreUnavailable
-from jshell.service.api.answers import told
+from jshell.service.api.answers import problem_responses
 from jshell.service.schemas import Health
 from jshell.service.state import Here
 
@@ -15,7 +15,7 @@ router = APIRouter(tags=["service"])
 _TEXT = {200: {"description": "Prometheus' text format.", "content": {"text/plain": {"schema": {"type": "string"}}}}}
 
 
-@router.get("/healthz", response_model=Health, responses=told(), summary="Is the service well")
+@router.get("/healthz", response_model=Health, responses=problem_responses(), summary="Is the service well")
 def healthy(here: Here) -> dict[str, Any]:
     """200 where jobs can be taken, 503 where the database takes no write."""
     if not here.store.healthy():
@@ -25,7 +25,9 @@ def healthy(here: Here) -> dict[str, Any]:
     return {"status": "ok", "version": jshell.__version__}
 
 
-@router.get("/metrics", response_class=PlainTextResponse, responses=told(more=_TEXT), summary="How busy it is")
+@router.get(
+    "/metrics", response_class=PlainTextResponse, responses=problem_responses(more=_TEXT), summary="How busy it is"
+)
 def metrics(here: Here) -> Response:
     """Jobs by state, requests by status, time to answer: in Prometheus' text format."""
     text = here.metrics.text(here.store.counts(), jshell.__version__)

@@ -8,7 +8,7 @@ from fastapi.responses import JSONResponse
 from pydantic import ValidationError
 
 from jshell.errors import BadValue
-from jshell.service.api.answers import ONCE, Before, Limit, Name, binary, told
+from jshell.service.api.answers import ONCE, Before, Limit, Name, binary, problem_responses
 from jshell.service.jobs import (
     FILES,
     MEDIA,
@@ -25,7 +25,7 @@ from jshell.service.jobs import (
     shown,
 )
 from jshell.service.problems import listed, of_validation
-from jshell.service.reading import ROOM, check_one_readable
+from jshell.service.reading import UPLOAD_SLOTS, check_one_readable
 from jshell.service.safety import attachment, clean_name
 from jshell.service.schemas import (
     BatchOptions,
@@ -38,7 +38,7 @@ from jshell.service.schemas import (
     ModesRequest,
     State,
 )
-from jshell.service.settings import HELD
+from jshell.service.settings import MAX_BODY_BYTES
 from jshell.service.state import Here
 from jshell.service.store import JobRow, Submission
 from jshell.service.uploads import Upload
@@ -50,7 +50,7 @@ IdempotencyKey = Annotated[
     Key | None,
     Header(alias="Idempotency-Key", description="Your own name for this request: sent again, it is the same job."),
 ]
-ACCEPTED = told(404, 409, 429, made=(200, 202))
+ACCEPTED = problem_responses(404, 409, 429, made=(200, 202))
 _WORDS = {200: "The same job was accepted before.", 202: "Accepted: the job is on the disk."}
 for _status, _text in _WORDS.items():
     ACCEPTED[_status] |= {"description": _text, "model": JobOut}
@@ -97,7 +97,7 @@ def batch(
     key: IdempotencyKey = None,
 ) -> Response:
     """Fit each of many traces by itself; a trace that fails costs no other."""
-    with ROOM:
+    with UPLOAD_SLOTS:
         return _batch(here, [(clean_name(file.filename), file.file.read()) for file in files], options, key)
 
 
@@ -111,7 +111,9 @@ def batch(
 def batch_file(
     here: Here,
     name: Annotated[str, Path(description="Its name; the suffix tells the format.", examples=["batch.npz"])],
-    content: Annotated[bytes, Body(media_type=BYTES, description=f"The file, of up to {HELD >> 20} MiB.")] = b"",
+    content: Annotated[
+        bytes, Body(media_type=BYTES, description=f"The file, of up to {MAX_BODY_BYTES >> 20} MiB.")
+    ] = b"",
     options: Annotated[str, Query(description=OPTIONS)] = "{}",
     key: IdempotencyKey = None,
 ) -> Response:
@@ -153,7 +155,9 @@ def _routes(kind: str, words: str, out: type[JobOut]) -> None:
     plural = PLURAL[kind]
     tags: list[str | Enum] = [plural]
 
-    @router.get(f"/{plural}", response_model=JobPage, responses=told(404), summary=f"List the {plural}", tags=tags)
+    @router.get(
+        f"/{plural}", response_model=JobPage, responses=problem_responses(404), summary=f"List the {plural}", tags=tags
+    )
     def index(
         here: Here, limit: Limit = 50, before: Before = None, state: Annotated[State | None, Query()] = None
     ) -> dict[str, Any]:
@@ -164,7 +168,11 @@ def _routes(kind: str, words: str, out: type[JobOut]) -> None:
         _download(kind, suffix, words)
 
     @router.get(
-        f"/{plural}/{{id:key}}", response_model=out, responses=told(404), summary=f"Look at a {words}", tags=tags
+        f"/{plural}/{{id:key}}",
+        response_model=out,
+        responses=problem_responses(404),
+        summary=f"Look at a {words}",
+        tags=tags,
     )
     def one(here: Here, id: Name) -> dict[str, Any]:
         """State, progress, error, and what came out."""
@@ -172,7 +180,11 @@ def _routes(kind: str, words: str, out: type[JobOut]) -> None:
         return _SHOWN.get(kind, lambda store, job: shown(job))(here.store, job)
 
     @router.delete(
-        f"/{plural}/{{id:key}}", response_model=JobOut, responses=told(404), summary=f"Cancel a {words}", tags=tags
+        f"/{plural}/{{id:key}}",
+        response_model=JobOut,
+        responses=problem_responses(404),
+        summary=f"Cancel a {words}",
+        tags=tags,
     )
     def cancel(here: Here, id: Name) -> dict[str, Any]:
         """Give it up where it still waits or runs; one that is over stays as it is. Its line in the list stays."""
@@ -187,7 +199,7 @@ def _download(kind: str, suffix: str, words: str) -> None:
         f"/{PLURAL[kind]}/{{id:key}}.{suffix}",
         tags=[PLURAL[kind]],
         response_class=Response,
-        responses=told(404, 409, more=binary(media, f"The {words} as a file.")),
+        responses=problem_responses(404, 409, more=binary(media, f"The {words} as a file.")),
         summary=f"The {words} as .{suffix}",
     )
     def download(here: Here, id: Name) -> Response:

@@ -9,15 +9,15 @@ from fastapi.responses import JSONResponse
 
 from jshell.oscillator import SOURCE, Coefficients, Decay, decay_by_law, decay_time
 from jshell.service import reduced
-from jshell.service.api.answers import told
+from jshell.service.api.answers import problem_responses
 from jshell.service.api.jobs import IdempotencyKey, accepted
 from jshell.service.jobs import simulator_specification
 from jshell.service.schemas import Conditions, JobOut, SimulateOut, SimulateRequest, finite
 from jshell.service.state import Here
-from jshell.shell.parameters import Reduced
+from jshell.shell.parameters import CONDITION_FIELDS, Reduced
 
 router = APIRouter(tags=["simulations"])
-ANSWERS = told(409, 429, made=(202,))
+ANSWERS = problem_responses(409, 429, made=(202,))
 ANSWERS[200] = {"model": SimulateOut, "description": "What the short model says."}
 ANSWERS[202] |= {"model": JobOut, "description": "Accepted: the simulator runs as a job."}
 
@@ -49,7 +49,7 @@ def constants(asked: SimulateRequest) -> tuple[Coefficients, Decay]:
 
 def conditions(asked: Conditions) -> Reduced:
     """The shell asked for."""
-    return Reduced(asked.d_hat, asked.P0_hat, asked.Pext_hat, asked.eta_hat, asked.kappa, asked.nu)
+    return Reduced.from_dict({key: getattr(asked, key) for key in CONDITION_FIELDS})
 
 
 def answered(asked: SimulateRequest) -> dict[str, Any]:

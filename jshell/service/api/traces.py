@@ -9,9 +9,9 @@ from fastapi.responses import JSONResponse
 from pydantic import TypeAdapter, ValidationError
 
 from jshell.errors import BadValue, JshellError
-from jshell.service.api.answers import ONCE, Before, Limit, Name, binary, told
+from jshell.service.api.answers import ONCE, Before, Limit, Name, binary, problem_responses
 from jshell.service.problems import brief, problem
-from jshell.service.reading import ROOM, Look, conditions_of, look, looked, with_conditions
+from jshell.service.reading import UPLOAD_SLOTS, Look, conditions_of, look, looked, with_conditions
 from jshell.service.safety import attachment, clean_name
 from jshell.service.schemas import TraceOut, TracePage, TraceRead
 from jshell.service.state import Here
@@ -25,7 +25,7 @@ _numbers = TypeAdapter(dict[str, float])
     "",
     status_code=201,
     response_model=TraceRead,
-    responses=told(made=(201,)),
+    responses=problem_responses(made=(201,)),
     summary="Upload a trace",
     dependencies=[ONCE],
 )
@@ -38,7 +38,7 @@ def upload(
     ] = None,
 ) -> Response:
     """Read and keep a trace; the same bytes are kept once."""
-    with ROOM:
+    with UPLOAD_SLOTS:
         name, content = clean_name(file.filename), file.file.read()
         if conditions:
             name, content = with_conditions(name, content, numbers(conditions))
@@ -47,7 +47,7 @@ def upload(
     return JSONResponse(read_out(row, found), 201, headers={"Location": f"/api/v1/traces/{row.id}"})
 
 
-@router.get("", response_model=TracePage, responses=told(404), summary="List the traces")
+@router.get("", response_model=TracePage, responses=problem_responses(404), summary="List the traces")
 def index(here: Here, limit: Limit = 50, before: Before = None) -> dict[str, Any]:
     """Traces, the latest first."""
     rows = here.store.traces(limit, before)
@@ -58,7 +58,7 @@ def index(here: Here, limit: Limit = 50, before: Before = None) -> dict[str, Any
 @router.get(
     "/{id:key}/content",
     response_class=Response,
-    responses=told(404, more=binary("application/octet-stream", "The file.")),
+    responses=problem_responses(404, more=binary("application/octet-stream", "The file.")),
     summary="The file of a trace",
 )
 def content(here: Here, id: Name) -> Response:
@@ -68,7 +68,7 @@ def content(here: Here, id: Name) -> Response:
     return Response(here.store.trace_content(id), headers=given, media_type="application/octet-stream")
 
 
-@router.get("/{id:key}", response_model=TraceRead, responses=told(404), summary="Look into a trace")
+@router.get("/{id:key}", response_model=TraceRead, responses=problem_responses(404), summary="Look into a trace")
 def one(here: Here, id: Name) -> dict[str, Any]:
     """What was read in a trace: channels, units, conditions."""
     row = here.store.trace(id)
@@ -126,7 +126,7 @@ def read_out(row: TraceRow, found: Look) -> dict[str, Any]:
 
 def unread(row: TraceRow, error: JshellError) -> dict[str, Any]:
     """Fields of `TraceRead` of a file that cannot be read by itself."""
-    told = problem(error, "")
+    rendered = problem(error, "")
     blank = dict.fromkeys(("samples", "duration", "conditions", "scales", "loss"))
-    words = {name: told[name] for name in ("code", "place", "cause", "remedy")}
+    words = {name: rendered[name] for name in ("code", "place", "cause", "found", "expected", "remedy")}
     return row_out(row) | blank | {"channels": [], "sigma": [], "units": {}, "warnings": [], "error": words}

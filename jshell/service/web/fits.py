@@ -95,7 +95,7 @@ def _found(here: Service, job: JobRow) -> dict[str, Any]:
     shown_first = [one for one in result.estimates if one.role != "nuisance"]
     own = [one for one in result.estimates if one.role == "nuisance"]
     unit = result.traces[0].scales.frequency if result.traces and result.traces[0].scales is not None else None
-    told = [*result.free_directions, *result.warnings]
+    cautions = [*result.free_directions, *result.warnings]
     return {
         "result": result,
         "plots": series.of_fit(result, names),
@@ -106,8 +106,8 @@ def _found(here: Service, job: JobRow) -> dict[str, Any]:
         "profile": profile,
         "hertz": unit,
         "frequencies": FREQUENCIES,
-        "warnings": list(dict.fromkeys(told)),
-        "notes": [text for text in result.notes if text not in told],
+        "warnings": list(dict.fromkeys(cautions)),
+        "notes": [text for text in result.notes if text not in cautions],
         "rests": _rests(result, names),
         "python": python(job, names, result.specification),
         "agree": (sum(one.agrees for one in result.starts), len(result.starts)),

@@ -9,12 +9,13 @@ from fastapi import APIRouter, Request, Response, UploadFile
 from fastapi.responses import HTMLResponse, RedirectResponse
 from starlette.concurrency import run_in_threadpool
 
+from jshell import io
 from jshell.errors import BadFile, BadUnits, BadValue, JshellError
-from jshell.io.headers import SI_KEYS
+from jshell.io.headers import REDUCED_KEYS, SHARED_KEYS, SI_KEYS
 from jshell.quantities import QUANTITIES
 from jshell.service.jobs import fit_specification, packed
 from jshell.service.preview import Preview, preview
-from jshell.service.reading import ROOM, Look, conditions_of, example, look, looked, with_conditions
+from jshell.service.reading import UPLOAD_SLOTS, Look, conditions_of, look, looked, with_conditions
 from jshell.service.safety import clean_name
 from jshell.service.state import Here, Service
 from jshell.service.web import drawing, series
@@ -23,8 +24,6 @@ from jshell.service.web.templates import shown
 
 router = APIRouter(include_in_schema=False, default_response_class=HTMLResponse)
 EXAMPLE = "attached_R_HW.csv"
-REDUCED = ("d_hat", "P0_hat", "Pext_hat", "eta_hat")
-SHARED = ("kappa", "nu")
 MOST_FILES = 200
 _SI_WORDS = {
     "R0_m": "radius R₀ [m]",
@@ -65,7 +64,7 @@ async def upload(request: Request, here: Here) -> Response:
 
 @no_type_check  # FastAPI hands in Starlette's UploadFile where its own is announced
 def _taken(request: Request, here: Service, files: Sequence[UploadFile]) -> Response:
-    with ROOM:
+    with UPLOAD_SLOTS:
         read = [(file.filename, file.file.read()) for file in files]
         return _kept(request, here, [(clean_name(name), content) for name, content in read if name or content])
 
@@ -100,7 +99,7 @@ def is_batch(name: str, content: bytes) -> bool:
 @router.post("/examples")
 def try_example(here: Here) -> Response:
     """The example recording, as if it had been uploaded."""
-    row = here.store.add_trace(EXAMPLE, example(EXAMPLE).read_bytes())
+    row = here.store.add_trace(EXAMPLE, io.example(EXAMPLE).read_bytes())
     return RedirectResponse(f"/fits/new?trace={row.id}", 303)
 
 
@@ -122,7 +121,7 @@ async def give_conditions(request: Request, here: Here) -> Response:
 def _given(request: Request, here: Service, traces: list[str], fields: dict[str, str]) -> Response:
     try:
         numbers = {}
-        for key in (*REDUCED, *SI_KEYS, *SHARED):
+        for key in (*REDUCED_KEYS, *SI_KEYS, *SHARED_KEYS):
             text = fields.get(key, "").strip().replace(",", ".")
             if text:
                 numbers[key] = FitForm([], {key: text}).number(key)
@@ -148,9 +147,9 @@ def _conditions(
         "rows": rows,
         "fields": fields,
         "error": error,
-        "reduced": [(key, f"{QUANTITIES[key].symbol}, {QUANTITIES[key].words}") for key in REDUCED],
+        "reduced": [(key, f"{QUANTITIES[key].symbol}, {QUANTITIES[key].words}") for key in REDUCED_KEYS],
         "si": list(_SI_WORDS.items()),
-        "shared": [(key, f"{QUANTITIES[key].symbol}, {QUANTITIES[key].words}") for key in SHARED],
+        "shared": [(key, f"{QUANTITIES[key].symbol}, {QUANTITIES[key].words}") for key in SHARED_KEYS],
     }
     return shown(request, "conditions.html", given, 200 if error is None else 422)
 

@@ -1,6 +1,7 @@
 """The API: what it takes, what it answers, and what it says when it refuses."""
 
 import io
+import re
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -318,7 +319,14 @@ def test_metrics_and_health(http):
     assert 'jshell_jobs{state="queued"}' in text
     assert 'jshell_requests_total{method="GET",status="200"}' in text
     counted = [line for line in text.splitlines() if line.startswith("jshell_request_seconds_count")]
-    assert int(counted[0].split()[1]) > 0
+    assert float(counted[0].split()[1]) > 0
+    told = set(re.findall(r"^# TYPE (\w+) (\w+)$", text, re.M))
+    assert told == {
+        ("jshell_info", "gauge"),
+        ("jshell_jobs", "gauge"),
+        ("jshell_requests_total", "counter"),
+        ("jshell_request_seconds", "histogram"),
+    }
 
 
 def test_what_nobody_foresaw_has_an_identifier_and_no_traceback(tmp_path, monkeypatch, caplog):
@@ -334,3 +342,11 @@ def test_what_nobody_foresaw_has_an_identifier_and_no_traceback(tmp_path, monkey
     assert "Traceback" not in answer.text
     identifier = found["found"].split(", ")[1]
     assert any(identifier in one.getMessage() and one.exc_info for one in caplog.records)
+
+
+def test_the_example_of_the_page_is_the_librarys(http):
+    sent = http.post("/examples", follow_redirects=False)
+    assert sent.status_code == 303
+    trace = re.search(r"[0-9a-f]{32}", sent.headers["location"])[0]
+    content = http.get(f"/api/v1/traces/{trace}/content").content
+    assert content == jshell.io.example("attached_R_HW.csv").read_bytes()

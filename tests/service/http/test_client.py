@@ -49,7 +49,7 @@ def test_errors_are_the_librarys_own(quiet, tmp_path):
 
 @pytest.mark.parametrize("held", [2**25, 0])
 def test_a_batch_goes_without_a_form_where_memory_may_hold_it(quiet, monkeypatch, held):
-    monkeypatch.setattr(client, "HELD", held)
+    monkeypatch.setattr(client, "MAX_BODY_BYTES", held)
     sent = []
     with jshell.Client(quiet) as service:
         once = service._http.request

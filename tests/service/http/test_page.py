@@ -15,7 +15,7 @@ from playwright.sync_api import expect, sync_playwright
 import jshell
 from jshell.calibration import BatchResult, Recordings, fit_batch
 from jshell.errors import BadName, BadValue
-from jshell.service import batches, parts
+from jshell.service import batches, chunks
 
 from .conftest import RECORDING
 
@@ -260,9 +260,9 @@ def archived(client: jshell.Client, records: Recordings, path: Path, sound: int)
     return client.fit_batch(path, seconds=100)
 
 
-def test_a_batch_goes_up_in_parts_and_its_table_and_report_are_made_when_asked_for(served, tmp_path, monkeypatch):
-    monkeypatch.setattr(parts, "STEP", 1)
-    monkeypatch.setattr(parts, "BYTES", 1)
+def test_a_batch_goes_up_in_chunks_and_its_table_and_report_are_made_when_asked_for(served, tmp_path, monkeypatch):
+    monkeypatch.setattr(chunks, "STEP", 1)
+    monkeypatch.setattr(chunks, "MAX_CHUNK_BYTES", 1)
     shells = jshell.Reduced(*(np.full(3, x) for x in (0.22, 0.9, 1.6, 0.004, 1.4, 0.5)))
     V = np.random.default_rng(0).uniform(3.0, 4.0, (3, 1, 20))
     values = np.concatenate([V, V + 10.0], axis=1)  # too short to be fitted: nothing is compiled

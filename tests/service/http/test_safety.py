@@ -75,7 +75,7 @@ def test_a_body_above_the_limit_is_refused_whether_it_says_so_or_not(http):
 
 
 def test_what_is_no_form_stays_in_memory_and_has_a_limit_of_its_own(tmp_path: Path, monkeypatch):
-    monkeypatch.setattr(safety, "HELD", 2**16)
+    monkeypatch.setattr(safety, "MAX_BODY_BYTES", 2**16)
     settings = Settings(db=f"sqlite:///{tmp_path / 'jobs.db'}", warm=False)
     with listening(settings) as (address, _), httpx.Client(base_url=address, timeout=30, trust_env=False) as http:
         there, octets = "/api/v1/batches/file/a.csv", {"Content-Type": "application/octet-stream"}
@@ -91,7 +91,7 @@ def test_what_is_no_form_stays_in_memory_and_has_a_limit_of_its_own(tmp_path: Pa
 
 def test_only_some_large_bodies_are_in_memory_at_the_same_time(tmp_path: Path, monkeypatch):
     monkeypatch.setattr(safety, "LARGE", 1000)
-    monkeypatch.setattr(safety, "ABREAST", 1)
+    monkeypatch.setattr(safety, "MAX_LARGE_BODIES", 1)
     settings = Settings(db=f"sqlite:///{tmp_path / 'jobs.db'}", warm=False)
     with (
         listening(settings) as (address, _),

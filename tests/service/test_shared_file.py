@@ -5,26 +5,26 @@ from pathlib import Path
 
 import pytest
 
-from jshell.service import archives, spool
+from jshell.service import archives, shared_file
 
 
 def test_files_are_seen_where_they_lie_and_written_over_by_the_next_job(monkeypatch):
-    monkeypatch.setattr(spool, "KEPT", 3)
-    made = spool.Spool()
-    first = made.lay([("a", b"12345"), ("none", b""), ("b", b"678")])
-    assert [(name, bytes(place.seen())) for name, place in first] == [("a", b"12345"), ("none", b""), ("b", b"678")]
+    monkeypatch.setattr(shared_file, "MAX_KEPT_BYTES", 3)
+    made = shared_file.SharedFile()
+    first = made.write([("a", b"12345"), ("none", b""), ("b", b"678")])
+    assert [(name, bytes(ref.view())) for name, ref in first] == [("a", b"12345"), ("none", b""), ("b", b"678")]
     with pytest.raises(TypeError):
-        first[0][1].seen()[0] = 0  # read-only
+        first[0][1].view()[0] = 0  # read-only
     path = Path(first[0][1].path)
-    second = made.lay([("c", b"9")])
-    assert bytes(second[0][1].seen()) == b"9"
+    second = made.write([("c", b"9")])
+    assert bytes(second[0][1].view()) == b"9"
     assert path.stat().st_size == 3  # what a large job took is given back
     made.close()
     assert not path.exists()
 
 
-def test_a_full_disk_says_so_and_leaves_a_spool_that_works(monkeypatch):
-    made = spool.Spool()
+def test_a_full_disk_says_so_and_leaves_a_file_that_works(monkeypatch):
+    made = shared_file.SharedFile()
     write = made._file.write
 
     def some(content) -> int:
@@ -34,9 +34,9 @@ def test_a_full_disk_says_so_and_leaves_a_spool_that_works(monkeypatch):
 
     monkeypatch.setattr(made._file, "write", some)
     with pytest.raises(OSError, match="No space"):
-        made.lay([("a", b"1234567")])
+        made.write([("a", b"1234567")])
     monkeypatch.undo()
-    assert bytes(made.lay([("a", b"1234567")])[0][1].seen()) == b"1234567"
+    assert bytes(made.write([("a", b"1234567")])[0][1].view()) == b"1234567"
     made.close()
 
 

@@ -1,4 +1,4 @@
-"""A batch in parts, so that one is fitted while the next is still on its way.
+"""A batch in chunks, so that one is fitted while the next is still on its way.
 
 Every record is fitted by itself, but random starts of those that ended badly are
 drawn one after another. So these go in once more, together: what comes out of
@@ -17,61 +17,61 @@ from jshell.service import archives
 from jshell.service.batches import CONDITIONS, pack
 from jshell.shell import Reduced
 
-STEP = 1024  # records that the fit takes at once: a part is a multiple of them
-STEPS = 4  # of a part at most: short records, too, are fitted while others are on their way
-BYTES = 20 * 2**20  # of a part at most, where that is a step or more; a body without a form holds as much
+STEP = 1024  # records that the fit takes at once: a chunk is a multiple of them
+MAX_STEPS = 4  # of a chunk at most: short records, too, are fitted while others are on their way
+MAX_CHUNK_BYTES = 20 * 2**20  # of a chunk at most, where that is a step or more; a body without a form holds as much
 File = tuple[str, bytes]
 Whole = Recordings | list[File]
 
 
-class Handed(Protocol):
-    """A part that was handed in."""
+class JobHandle(Protocol):
+    """A chunk that was handed in."""
 
     def result(self, seconds: float | int, /) -> BatchResult: ...
 
     def cancel(self) -> object: ...
 
 
-def fitted(whole: Whole, submit: Callable[[File], Handed], seconds: float | int) -> BatchResult:
-    """A batch fitted part by part.
+def fitted(whole: Whole, submit: Callable[[File], JobHandle], seconds: float | int) -> BatchResult:
+    """A batch fitted chunk by chunk.
 
     Args:
         whole: Records, or files of traces.
-        submit: Hands a part in, as a file, and returns at once.
+        submit: Hands a chunk in, as a file, and returns at once.
         seconds: Longest time to wait.
 
     Raises:
-        JshellError: The error of a part; those still under way are then called off.
+        JshellError: The error of a chunk; those still under way are then called off.
     """
     until = time.monotonic() + seconds
-    handed: list[Handed] = []
+    jobs: list[JobHandle] = []
     try:
-        for part in split(whole):
-            handed.append(submit(packed(part)))
-        found = joined([one.result(until - time.monotonic()) for one in handed])
+        for chunk in split(whole):
+            jobs.append(submit(packed(chunk)))
+        found = joined([one.result(until - time.monotonic()) for one in jobs])
     except BaseException:
-        for one in handed:
+        for one in jobs:
             one.cancel()
         raise
     again = tried_again(found)
-    if len(handed) == 1 or not again.size:
+    if len(jobs) == 1 or not again.size:
         return found
     return placed(found, again, submit(packed(chosen(whole, again))).result(until - time.monotonic()))
 
 
 def split(whole: Whole) -> list[Whole]:
-    """A batch in parts."""
+    """A batch in chunks."""
     many = count(whole)
     size = whole.values.nbytes if isinstance(whole, Recordings) else sum(len(content) for _, content in whole)
-    steps, most = -(-many // STEP), BYTES // max(1, size // max(1, many)) // STEP
+    steps, most = -(-many // STEP), MAX_CHUNK_BYTES // max(1, size // max(1, many)) // STEP
     if steps < 2:
         return [whole]
-    ends = np.minimum(np.cumsum(_sizes(steps, min(max(1, most), STEPS))) * STEP, many)
+    ends = np.minimum(np.cumsum(_sizes(steps, min(max(1, most), MAX_STEPS))) * STEP, many)
     return [chosen(whole, np.arange(at, end)) for at, end in zip([0, *ends], ends, strict=False)]
 
 
 def _sizes(steps: int, most: int) -> list[int]:
-    """Steps of every part: small ones first, so that the fits begin soon, and last, so that no worker is left behind.
+    """Steps of every chunk: small ones first, so that the fits begin soon, and last, so that no worker is left behind.
 
     Source     Polychronopoulos and Kuck 1987, doi:10.1109/TC.1987.5009495 (half of what is left: guided)
     """
@@ -86,11 +86,11 @@ def count(whole: Whole) -> int:
     return np.shape(whole.values)[0] if isinstance(whole, Recordings) else len(whole)
 
 
-def packed(part: Whole) -> File:
-    """A part as the file that is handed in."""
-    if isinstance(part, Recordings):
-        return "batch.npz", pack(part)
-    return part[0] if len(part) == 1 else ("traces.zip", archives.pack_files(part))
+def packed(chunk: Whole) -> File:
+    """A chunk as the file that is handed in."""
+    if isinstance(chunk, Recordings):
+        return "batch.npz", pack(chunk)
+    return chunk[0] if len(chunk) == 1 else ("traces.zip", archives.pack_files(chunk))
 
 
 def chosen(whole: Whole, rows: np.ndarray) -> Whole:
@@ -112,14 +112,14 @@ def chosen(whole: Whole, rows: np.ndarray) -> Whole:
 
 
 def joined(found: Sequence[BatchResult]) -> BatchResult:
-    """The results of parts as one."""
-    begins = np.cumsum([0, *(len(part) for part in found)])
+    """The results of chunks as one."""
+    begins = np.cumsum([0, *(len(chunk) for chunk in found)])
     directions = tuple(
         (int(begin) + row, words)
-        for begin, part in zip(begins, found, strict=False)
-        for row, words in part.free_directions
+        for begin, chunk in zip(begins, found, strict=False)
+        for row, words in chunk.free_directions
     )
-    values = {name: np.concatenate([getattr(part, name) for part in found]) for name in _columns()}
+    values = {name: np.concatenate([getattr(chunk, name) for chunk in found]) for name in _columns()}
     return replace(found[0], **values, free_directions=directions)
 
 

@@ -1,4 +1,4 @@
-"""Large files of a job, laid where its process sees them: a pipe is slow.
+"""Large files of a job, shared with its process through one file: a pipe is slow.
 
 One file for all jobs of a slot, written over by each: memory that was in use
 before is filled in a tenth of the time that new memory takes, and what looks
@@ -10,18 +10,18 @@ import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-KEPT = 64 * 2**20  # bytes of the file that stay once a larger job is over
+MAX_KEPT_BYTES = 64 * 2**20  # bytes of the file that stay once a larger job is over
 
 
 @dataclass(frozen=True)
-class Place:
+class FileRef:
     """Bytes in a file of this machine, which stays as it is until the job is over."""
 
     path: str
     begin: int
     size: int
 
-    def seen(self) -> memoryview:
+    def view(self) -> memoryview:
         """The bytes where they lie, uncopied and read-only."""
         if not self.size:
             return memoryview(b"")
@@ -30,24 +30,24 @@ class Place:
         return memoryview(whole)[self.begin : self.begin + self.size]
 
 
-class Spool:
-    """The file; whoever lays a job into it knows that no process looks at the one before."""
+class SharedFile:
+    """The file; whoever writes a job into it knows that no process looks at the one before."""
 
     def __init__(self) -> None:
         self._file = tempfile.NamedTemporaryFile(prefix="jshell-job-", buffering=0)  # noqa: SIM115 # as long as its slot
 
-    def lay(self, files: Sequence[tuple[str, bytes]]) -> list[tuple[str, Place]]:
-        """Name and place of every file.
+    def write(self, files: Sequence[tuple[str, bytes]]) -> list[tuple[str, FileRef]]:
+        """Write the files of a job; name and reference of each.
 
         Raises:
             OSError: The disk is full.
         """
-        if self._file.seek(0, 2) > KEPT:
-            self._file.truncate(KEPT)
+        if self._file.seek(0, 2) > MAX_KEPT_BYTES:
+            self._file.truncate(MAX_KEPT_BYTES)
         self._file.seek(0)
         found = []
         for name, content in files:
-            found.append((name, Place(self._file.name, self._file.tell(), len(content))))
+            found.append((name, FileRef(self._file.name, self._file.tell(), len(content))))
             left = memoryview(content)
             while left:  # what is not buffered may be written in pieces
                 left = left[self._file.write(left) :]
