@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jshell.calibration.frequency_table import Frequencies, prepare
-from jshell.calibration.master_curve import SHOWN, fit_frequencies
+from jshell.calibration.master_curve import NAMES, fit_frequencies
 from jshell.calibration.report import FitResult
 from jshell.errors import BadValue, Outcome
 from jshell.signals.lane_search import CONVERGED, RUNNING, Look, Search, begin, descend
@@ -45,7 +45,7 @@ class Bootstrap:
 
     def __getitem__(self, name: str) -> np.ndarray:
         """A constant's values over the resamples that gave one."""
-        found = self.values[:, SHOWN.index(name)]
+        found = self.values[:, NAMES.index(name)]
         return found[np.isfinite(found)]
 
     def interval(self, name: str, level: float = 0.68) -> tuple[float, float]:
@@ -170,7 +170,7 @@ def bootstrap_frequencies(
         )
     values = {estimate.name: estimate.value for estimate in whole.estimates}
     first = np.array([np.log(values["alpha1"]), np.log(values["alpha2"]), values["k_vs"] ** 2])
-    fixed = np.array([name in (fix or {}) for name in SHOWN])
+    fixed = np.array([name in (fix or {}) for name in NAMES])
     low = np.where(fixed, first, [-np.log(LARGEST), -np.log(LARGEST), 0.0])[:, None]
     high = np.where(fixed, first, [np.log(LARGEST), np.log(LARGEST), 1e3])[:, None]
 

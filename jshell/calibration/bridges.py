@@ -44,11 +44,14 @@ def to_lmfit(result: FitResult) -> Any:
     names = [name.replace("[", "_").replace("]", "") for name in objective.names]
     limits = [objective.shown(np.asarray(end)) for end in (np.array(space.low), np.array(space.high))]
     for i, (name, value) in enumerate(zip(names, shown, strict=True)):
-        squared = space.free[i].startswith("k_vs_squared")
+        inner = space.free[i]
         low = float(limits[0][i]) if np.isfinite(space.low[i]) else -np.inf
         high = float(limits[1][i]) if np.isfinite(space.high[i]) else np.inf
-        bounded = not squared and space.free[i] not in space.positive
-        parameters.add(name, float(value), min=low if bounded or low > 0 else -np.inf, max=high)
+        if inner in space.squared or inner in space.positive:
+            low = low if low != 0 else -np.inf
+        if inner in space.negative:
+            low, high = (-np.inf if high == np.inf else high), (np.inf if low == -np.inf else low)
+        parameters.add(name, float(value), min=low, max=high)
     if not isinstance(objective.args[1], Joint):
         function = lambda p: _table_residual(objective, np.array([p[name].value for name in names]))  # noqa: E731
         return lmfit.Minimizer(function, parameters, scale_covar=not objective.absolute)
@@ -67,7 +70,7 @@ def to_lmfit(result: FitResult) -> Any:
         parts = np.split(np.array([p[name].value for name in more]), cuts)
         r, J = whitened(joint, solved(values, joint, space, parts))
         for j, inner in enumerate(space.free):
-            J[:, j] *= 2 * p[names[j]].value if inner.startswith("k_vs_squared") else 1.0
+            J[:, j] *= 2 * p[names[j]].value if inner in space.squared else 1.0
         return r, J
 
     def jacobian(p) -> np.ndarray:
@@ -134,8 +137,8 @@ def _slopes(objective: Objective, u: np.ndarray) -> list[float]:
     for i, name in enumerate(objective.space.free):
         if name in objective.space.positive:
             found.append(float(np.exp(u[i])))
-        elif name.startswith("k_vs_squared"):
-            found.append(0.5 / float(np.sqrt(max(u[i], 1e-300))))
+        elif name in objective.space.squared:
+            found.append((-0.5 if name in objective.space.negative else 0.5) / float(np.sqrt(max(u[i], 1e-300))))
         else:
             found.append(1.0)
     return found

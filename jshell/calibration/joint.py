@@ -163,7 +163,7 @@ def join(
     """
     many = len(problem.records)
     constants, uncertain = single_names(problem), dict(uncertain or {})
-    local = tuple("k_vs_squared" if name == "k_vs" and "k_vs_squared" in constants else name for name in local)
+    local = tuple(local)
     for place, given, known in (
         ("local", local, (*constants, *uncertain)),
         ("uncertain", tuple(uncertain), CONDITIONS),
@@ -199,11 +199,19 @@ def join(
             moved[i - 1].append((name, at))
             if relative is not None and nominal[i - 1] > 0:
                 known[names[at]] = Prior(nominal[i - 1], relative * nominal[i - 1])
-    known |= spread(dict(priors or {}), tuple(names))
+    known |= {
+        name: _of_square(prior) if name.split("[")[0] in problem.squared else prior
+        for name, prior in spread(dict(priors or {}), tuple(names)).items()
+    }
     at = tuple(names.index(name) for name in known)
     rows = np.array([[float(p.mean), float(p.sigma)] for p in known.values()]).reshape(-1, 2)
     places = tuple(tuple(column[i] for column in columns) for i in range(many))
     return Joint(problem, tuple(names), places, tuple(tuple(m) for m in moved), equilibrium, at, rows)
+
+
+def _of_square(prior: Prior) -> Prior:
+    """A prior of a parameter as one of its square."""
+    return Prior(prior.mean**2, 2 * abs(prior.mean) * prior.sigma)
 
 
 def nominal_value(record: Record, name: str) -> float:

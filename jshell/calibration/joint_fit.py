@@ -69,13 +69,11 @@ def fit_jointly(
         equilibrium: Where rest states come from.
         noise: `auto` or `white`.
     """
-    joint = join(
-        problem, local=asked.local, uncertain=asked.uncertain, priors=_inner(asked.priors, problem),
-        equilibrium=equilibrium,
-    )  # fmt: skip
+    joint = join(problem, local=asked.local, uncertain=asked.uncertain, priors=asked.priors, equilibrium=equilibrium)
     positive = frozenset(name for name in joint.names if name.split("[")[0] in POSITIVE)
     fixed, limits = spread(fix, joint.names), spread(bounds, joint.names)
-    space = unknowns(joint.names, positive, fixed, limits, spread(asked.tie, joint.names))
+    squared = frozenset(name for name in joint.names if name.split("[")[0] in problem.squared)
+    space = unknowns(joint.names, positive, fixed, limits, spread(asked.tie, joint.names), squared)
     rows = _starts(joint, natural, modes, fix)
     low, high = jnp.asarray(space.low), jnp.asarray(space.high)
     ending = from_many_starts(residual, (space, joint), jnp.asarray(space.seen(rows)), low, high)
@@ -83,16 +81,6 @@ def fit_jointly(
     if asked.robust is not None:
         ending, found = reweigh(asked.robust, joint, space, ending)
     return trace_result(problem, space, ending, rows, cut, absolute, texts, joint=joint, noise=noise, robust=found)
-
-
-def _inner(priors: Mapping[str, Prior], problem: Problem) -> dict[str, Prior]:
-    """Priors under the solver's names: one of k_vs as one of its square in the modal loss."""
-    if problem.loss == "strict":
-        return dict(priors)
-    return {
-        name.replace("k_vs", "k_vs_squared"): Prior(p.mean**2, 2 * abs(p.mean) * p.sigma) if "k_vs" in name else p
-        for name, p in priors.items()
-    }
 
 
 def _starts(joint: Joint, natural: np.ndarray, modes: Sequence[Modes | None], fix: Mapping[str, float]) -> np.ndarray:

@@ -33,7 +33,7 @@ from jshell.shell.elasticity import moduli
 
 LOSSES = ("strict", "modal")
 STRICT_NAMES = ("alpha1", "alpha2", "k_vs", "beta1", "beta2")
-MODAL_NAMES = ("alpha1", "alpha2", "k_vs_squared")
+MODAL_NAMES = ("alpha1", "alpha2", "k_vs")  # of k_vs it sees the square
 PASSES = 3  # values, first and second derivatives
 LOST = 1e-14  # share of the largest squared length below which a direction of the basis is rounding
 
@@ -60,6 +60,11 @@ class Problem(eqx.Module):
     adjoint: str = eqx.field(static=True, default="forward")
     rtol: float = eqx.field(static=True, default=1e-10)
     atol: float = eqx.field(static=True, default=1e-12)
+
+    @property
+    def squared(self) -> frozenset[str]:
+        """Constants that the loss knows only through their square: frequencies do not tell the sign of k_vs."""
+        return frozenset({"k_vs"} if self.loss == "modal" else ())
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -209,7 +214,7 @@ def _advance(t, y, A):
 
 
 def pulsations(constants: Float[Array, "3"], record: Record) -> Float[Array, "2"]:
-    """Squared ω-, ω+ of a record's shell; constants (alpha1, alpha2, k_vs_squared)."""
+    """Squared ω-, ω+ of a record's shell; constants (alpha1, alpha2, k_vs²)."""
     V, P = record.state
     K_A = moduli(record.conditions.thickness, record.conditions.poisson_ratio).area
     return frequencies_of_square(

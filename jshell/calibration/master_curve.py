@@ -30,11 +30,10 @@ from jshell.calibration.uncertainty import in_words, uncertainty
 from jshell.errors import BadName, BadValue, Outcome, RangeWarning
 from jshell.oscillator.linear import frequencies_of_square
 
-NAMES = ("alpha1", "alpha2", "k_vs_squared")
-SHOWN = ("alpha1", "alpha2", "k_vs")
+NAMES = ("alpha1", "alpha2", "k_vs")
+SQUARED = frozenset({"k_vs"})  # frequencies know its square
 POSITIVE = frozenset({"alpha1", "alpha2"})
 WEIGHTINGS = ("V_e omega", "V_e^2 omega^2")
-SQUARE_ONLY = "frequencies determine k_VS² only: k_vs is reported positive, its sign is not known"
 SECOND_SHAPE = "add a second pressure or shape, or fix alpha2"
 
 
@@ -79,7 +78,7 @@ def _unit(slope: jax.Array, rows: Frequencies) -> jax.Array:
 
 
 def start_from_data(rows: Frequencies, fix: Mapping[str, float] | None = None) -> np.ndarray:
-    """Constants from sums and products of the squared frequencies: (alpha1, alpha2, k_vs_squared).
+    """Constants from sums and products of the squared frequencies: (alpha1, alpha2, k_vs²).
 
     Rows with both frequencies: V²(ω-² + ω+²) = A/α1 + B/α2 is a line in the
     inverse masses, and V⁴ω-²ω+² = (AB - 18π⁴ k²)/(α1 α2) then gives k². The
@@ -107,7 +106,8 @@ def start_from_data(rows: Frequencies, fix: Mapping[str, float] | None = None) -
             x1 = share * np.mean(total / A)
         x1 = max(x1, 0.02 * np.mean(total / A))
         x2 = 1 / fix["alpha2"] if "alpha2" in fix else max(np.mean((total - A * x1) / B), 0.02 * np.mean(total / B))
-        k2 = fix.get("k_vs_squared", max(np.mean((A * B - product / (x1 * x2)) / (18 * np.pi**4)), 1e-3))
+        k2 = max(np.mean((A * B - product / (x1 * x2)) / (18 * np.pi**4)), 1e-3)
+        k2 = fix["k_vs"] ** 2 if "k_vs" in fix else k2
         a, b = A * x1, B * x2
         fast = (a + b) / 2 + np.sqrt((a - b) ** 2 / 4 + 18 * np.pi**4 * k2 * x1 * x2)
         slow = np.maximum(a * b - 18 * np.pi**4 * k2 * x1 * x2, 0) / fast
@@ -159,10 +159,9 @@ def fit_frequencies(
         ready = prepare(table)
     _again(caught)
     rows = ready.rows
-    squared = _squared(fix)
-    space = unknowns(NAMES, POSITIVE, squared, _square_bounds(bounds))
+    space = unknowns(NAMES, POSITIVE, fix, bounds, squared=SQUARED)
 
-    first = start_from_data(rows, squared)
+    first = start_from_data(rows, fix)
     natural = scatter(first, starts, seed)
     measured = int(np.isfinite(rows.omega).sum())
     if measured == 0:
@@ -176,6 +175,12 @@ def fit_frequencies(
         "frequencies", weighting=weighting, fix=dict(fix or {}), bounds=dict(bounds or {}), starts=starts, seed=seed
     )
     return dataclasses.replace(found, specification=given, versions=versions())
+
+
+def square_only(space: Unknowns) -> str:
+    """What is to be said of the sign of k_VS where frequencies alone are fitted."""
+    sign = "negative, as it was given" if space.negative else "positive, its sign is not known"
+    return f"frequencies determine k_VS² only: k_vs is reported {sign}"
 
 
 def V_size(rows: Frequencies) -> float:
@@ -192,16 +197,6 @@ def scatter(first: np.ndarray, count: int, seed: int) -> np.ndarray:
 
 def _limits(space: Unknowns) -> tuple[jax.Array, jax.Array]:
     return jnp.asarray(space.low), jnp.asarray(space.high)
-
-
-def _squared(fix: Mapping[str, float] | None) -> dict[str, float]:
-    return {("k_vs_squared" if k == "k_vs" else k): (v**2 if k == "k_vs" else v) for k, v in (fix or {}).items()}
-
-
-def _square_bounds(bounds: Mapping[str, tuple[float, float]] | None) -> dict[str, tuple[float, float]]:
-    found = {key: value for key, value in (bounds or {}).items() if key != "k_vs"}
-    low, high = (bounds or {}).get("k_vs", (0.0, np.inf))
-    return {**found, "k_vs_squared": (max(low, 0.0) ** 2, high**2)}
 
 
 def _again(caught: list) -> None:
@@ -222,14 +217,11 @@ def _result(
     rows = ready.rows
     best, same = best_of(ending, size)
     values = np.asarray(space.natural(ending.unknowns[best]))
-    shown = values.copy()
-    shown[2] = np.sqrt(max(values[2], 0.0))
+    shown, begin = space.reported(values), space.reported(natural[best])
 
     r, J = value_and_jacobian(lambda p: weighted(p, rows, weighting), jnp.asarray(values))
-    J = np.array(J)
-    J[:, 2] *= 2 * shown[2]
-    free = [NAMES.index(name) for name in space.free]
-    names = tuple(SHOWN[i] for i in free)
+    J = np.asarray(J) * space.stretch(shown)
+    free, names = [NAMES.index(name) for name in space.free], space.free
     errors = uncertainty(J[:, free], np.asarray(r), shown[free], count=measured, absolute=ready.absolute)
 
     outcome = Outcome(int(ending.outcome[best]))
@@ -237,27 +229,26 @@ def _result(
     uncoupled = ~same & (np.asarray(ending.outcome) == Outcome.AT_BOUND) & (outcome == Outcome.OK)
     texts = list(caught)
     directions = tuple(in_words(direction, names) for direction in errors.null)
-    if directions and outcome in (Outcome.OK, Outcome.AT_BOUND) and shown[2] > 0:
+    if directions and outcome in (Outcome.OK, Outcome.AT_BOUND) and shown[2] != 0:
         outcome = Outcome.RANK_DEFICIENT
         directions = tuple(f"{text} changes no frequency of the table: {SECOND_SHAPE}" for text in directions)
     elif not (same | uncoupled).all():
         outcome = Outcome.STALLED if outcome == Outcome.OK else outcome
         texts.append(f"only {same.sum()} of {len(same)} starts ended in the best minimum")
         warnings.warn(texts[-1], FitWarning, stacklevel=3)
-    notes = [*ready.notes, SQUARE_ONLY]
+    notes = [*ready.notes, square_only(space)]
     if uncoupled.any():
         notes.append(f"{uncoupled.sum()} starts ended higher, at k_VS = 0 with the roles of the two masses exchanged")
-    if outcome == Outcome.AT_BOUND and shown[2] == 0 and "k_vs_squared" in space.free:
+    if outcome == Outcome.AT_BOUND and shown[2] == 0 and "k_vs" in space.free:
         texts.append("k_VS² ended at 0: the frequencies would have it negative")
 
     estimates = []
-    for i, name in enumerate(SHOWN):
+    for i, name in enumerate(NAMES):
         if i not in free:
             estimates.append(Estimate(name, float(shown[i]), role="fixed"))
             continue
         j = free.index(i)
-        start = np.sqrt(natural[best, 2]) if name == "k_vs" else natural[best, i]
-        estimates.append(Estimate(name, float(shown[i]), float(errors.stderr[j]), errors.reasons[j], float(start)))
+        estimates.append(Estimate(name, float(shown[i]), float(errors.stderr[j]), errors.reasons[j], float(begin[i])))
     return FitResult(
         title=f"Master curve of {rows.omega.shape[0]} shells, residual in {weighting}",
         outcome=outcome,

@@ -183,6 +183,8 @@ class Walker:
             moved[i] = u
             return float(self.objective.shown(moved)[i]) if np.isfinite(u) else np.nan
 
+        if name in self.objective.space.negative:  # the solver sees the square, which grows the other way
+            ends, reasons = ends[::-1], reasons[::-1]
         low, high = shown(ends[0]), shown(ends[1])
         rows = np.array(sorted((shown(u), d**2) for u, d in points if np.isfinite(u)))
         step = 1e-6 * max(error, 1e-300)

@@ -126,9 +126,6 @@ def fit_trajectories(
     fixed = _fixed(fix, problem)
     positive = POSITIVE | {name for name in problem.names if name.startswith("tau")}
     limits = dict(bounds or {})
-    if loss == "modal":
-        low, high = limits.pop("k_vs", (0.0, np.inf))
-        limits["k_vs_squared"] = (max(low, 0.0) ** 2, high**2)
     natural = _starts(problem, modes, fixed, starts, seed)
     absolute = all(name in trace.sigma for trace in cut for name in names)
     if asked.general:
@@ -137,7 +134,7 @@ def fit_trajectories(
             equilibrium=equilibrium, noise=noise,
         )  # fmt: skip
     else:
-        space = unknowns(problem.names, positive, fixed, limits)
+        space = unknowns(problem.names, positive, fixed, limits, squared=problem.squared)
         low, high, seen = (jnp.asarray(x, dtype=float) for x in (space.low, space.high, space.seen(natural)))
         if is_long(problem):
             ending = fit_long(space, problem, space.seen(natural))
@@ -196,10 +193,8 @@ def _prepare(
 
 
 def _fixed(fix: Mapping[str, float] | None, problem: Problem) -> dict[str, float]:
-    """Fixed constants under the solver's names; beta1 needs a viscosity to be free."""
+    """Fixed constants; beta1 needs a viscosity to be free."""
     fixed = dict(fix or {})
-    if problem.loss == "modal" and "k_vs" in fixed:
-        fixed["k_vs_squared"] = fixed.pop("k_vs") ** 2
     viscous = any(float(one.conditions.viscosity) > 0 for one in problem.records)
     if problem.loss == "strict" and "beta1" not in fixed and not viscous:
         raise BadValue(

@@ -16,7 +16,6 @@ from jshell.calibration.advice import (
     other_minima,
     quiet_modes,
     remedy,
-    shown_name,
     sign_of_coupling,
 )
 from jshell.calibration.estimate import Estimate, starts_of
@@ -81,7 +80,7 @@ def trace_result(
         found = moved
     values, r = found.values, found.residual
 
-    names = tuple(shown_name(name) for name in space.names)
+    names = space.names
     free = [space.names.index(name) for name in space.free]
     varied = tuple(names[i] for i in free)
     shown, errors = _errors(joint, space, found, absolute, robust)
@@ -116,31 +115,30 @@ def trace_result(
                   if one.memory > 0]  # fmt: skip
         noises = [taken_as_white(one) for one in noises]
 
-    slopes = space.slopes(values)
-    if "k_vs_squared" in space.names and shown[space.names.index("k_vs_squared")] > 0:
-        at = space.names.index("k_vs_squared")
-        slopes[:, [j for j, i in enumerate(free) if i == at]] *= 2 * shown[at]  # covariance is of k_vs, not its square
+    stretch = space.stretch(shown)
+    stretch = np.where(stretch == 0, 1.0, stretch)  # at k_vs = 0, which has no error there
+    slopes = space.slopes(values) * stretch[free]  # the covariance is of k_vs, the model's values of its square
     derived = _derived(joint, values, slopes, covariance)
     if outcome == Outcome.OK and not all(np.isfinite(e.value) for e in derived if e.name.startswith("omega")):
         outcome = Outcome.OUT_OF_RANGE  # the constants found have no slow oscillation at all
 
     estimates = []
-    tied = {name for name, _ in space.tied}
+    tied, begin = {name for name, _ in space.tied}, space.reported(natural[best])
     for i, name in enumerate(names):
         if space.names[i] in tied:
-            row = slopes[i] / (2 * shown[i] if space.names[i] == "k_vs_squared" and shown[i] > 0 else 1.0)
+            row = slopes[i] / stretch[i]
             estimates.append(Estimate(name, float(shown[i]), float(propagate(row[None], covariance)[0]), role="tied"))
         elif i not in free:
             estimates.append(Estimate(name, float(shown[i]), role="fixed"))
         else:
             j = free.index(i)
-            begin = np.sqrt(max(natural[best, i], 0)) if space.names[i] == "k_vs_squared" else natural[best, i]
-            estimates.append(Estimate(name, float(shown[i]), float(errors.stderr[j]), errors.reasons[j], float(begin)))
+            error, reason = float(errors.stderr[j]), errors.reasons[j]
+            estimates.append(Estimate(name, float(shown[i]), error, reason, float(begin[i])))
     for j, (name, value) in enumerate(zip(linear_names(problem), np.concatenate(found.linear), strict=True), count):
         estimates.append(Estimate(name, float(value), float(errors.stderr[j]), errors.reasons[j], role="nuisance"))
 
     notes += method_notes(problem, joint, absolute, robust, noises)
-    notes += sign_of_coupling(problem, estimates)
+    notes += sign_of_coupling(problem, space, estimates)
     notes += other_minima(ending, space, same)
     if joint.problem.loss == "strict" or any(one.memory for one in noises):
         notes += [one.words() for one in noises if one.correlated]
@@ -178,12 +176,9 @@ def _errors(
 ) -> tuple[np.ndarray, Uncertainty]:
     """Constants as shown, errors of constants and linear parameters together."""
     r, J = whitened(joint, found)
-    shown = found.values.copy()
+    shown = space.reported(found.values)
     free = [space.names.index(name) for name in space.free]
-    for i, name in enumerate(space.names):
-        if name.startswith("k_vs_squared"):
-            shown[i] = np.sqrt(max(found.values[i], 0.0))
-            J[:, [j for j, k in enumerate(free) if k == i]] *= 2 * shown[i]
+    J = J * np.append(space.stretch(shown)[free], np.ones(J.shape[1] - len(free)))
     size = r.size - len(found.prior)
     if robust is not None:
         r[:size], J[:size] = r[:size] / robust.scale, J[:size] / robust.scale[:, None]

@@ -83,8 +83,6 @@ def fit(
         found = calibration.fit_frequencies(rows, weighting, fix=fixed, bounds=limits, seed=seed)
     else:
         traces = [io.read_trace(file, meta=meta) for file in files or []]
-        if loss is None and not channel and all({"V", "S"} <= set(trace.channels) for trace in traces):
-            loss, channel = "strict", ["V", "S"]
         found = calibration.fit_trajectories(
             traces,
             loss,

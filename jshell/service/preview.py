@@ -56,8 +56,6 @@ def preview(
     Raises:
         JshellError: What the fit itself would refuse of the traces.
     """
-    if loss is None and not channels and all({"V", "S"} <= set(trace.channels) for trace in traces):
-        loss, channels = "strict", ("V", "S")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         cut = windowed(traces, start, stop)
@@ -103,8 +101,6 @@ def _start(loss: str, ready: list[Record], heard: list[Modes], fix: dict[str, fl
     if loss == "strict":
         names = ("alpha1", "alpha2", "k_vs", "beta1")
         return dict(zip(names, strict_start(ready, heard, known).tolist(), strict=True))
-    if "k_vs" in known:
-        known["k_vs_squared"] = known.pop("k_vs") ** 2
     table = Frequencies(
         np.array([float(one.state.volume) for one in ready]),
         np.array([float(one.state.pressure) for one in ready]),

@@ -11,6 +11,7 @@ from importlib import resources
 from pathlib import Path, PurePath
 
 from jshell import io
+from jshell.calibration.records import usual_channels
 from jshell.errors import JshellError
 from jshell.io.formats import FORMATS, read_sheet
 from jshell.io.headers import CONDITION_KEYS
@@ -41,7 +42,7 @@ class Look:
     @property
     def loss(self) -> str:
         """The loss that a fit of this trace takes by itself."""
-        return "strict" if {"V", "S"} <= set(self.trace.channels) else "modal"
+        return usual_channels([self.trace])[0]
 
 
 def look(name: str, content: bytes) -> Look:

@@ -112,9 +112,6 @@ def fit(specification: Mapping[str, Any], files: Files) -> dict[str, bytes]:
     _known(specification, FIT | FIT_MORE)
     asked = {name: value for name, value in specification.items() if name in FIT}
     traces = [_trace(name, content, specification.get("conditions")) for name, content in files]
-    free = asked.get("loss") is None and not asked.get("channels")
-    if free and traces and all({"V", "S"} <= set(trace.channels) for trace in traces):
-        asked |= {"loss": "strict", "channels": ("V", "S")}
     priors = {name: calibration.Prior(**value) for name, value in (asked.pop("priors", None) or {}).items()}
     bounds = {name: _limits(pair) for name, pair in (asked.pop("bounds", None) or {}).items()}
     drop = tuple(tuple(span) for span in asked.pop("drop", None) or ())

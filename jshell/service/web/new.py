@@ -9,6 +9,7 @@ from fastapi import APIRouter, Request, Response, UploadFile
 from fastapi.responses import HTMLResponse, RedirectResponse
 from starlette.concurrency import run_in_threadpool
 
+from jshell.calibration.records import usual_channels
 from jshell.errors import BadFile, BadUnits, BadValue, JshellError
 from jshell.io.headers import SI_KEYS
 from jshell.quantities import QUANTITIES
@@ -176,14 +177,9 @@ def _submitted(request: Request, here: Service, asked: FitForm) -> Response:
 
 def _unsay_usual_channels(here: Service, asked: FitForm) -> None:
     """Channels that the library would choose itself are not said, so that the same fit is the same job."""
-    if asked.channels:
-        looks = _looks(here, asked.traces)[1]
-        try:
-            usual = preview([one.trace for one in looks], asked.text("loss") or None).channels
-        except JshellError:
-            return
-        if set(usual) == set(asked.channels):
-            asked.channels = []
+    traces = [one.trace for one in _looks(here, asked.traces)[1]]
+    if traces and set(asked.channels) == set(usual_channels(traces, asked.text("loss") or None)[1]):
+        asked.channels = []
 
 
 def configured(request: Request, here: Service, asked: FitForm, status: int) -> Response:
