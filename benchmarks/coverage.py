@@ -18,6 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import jshell as js
+from jshell.calibration.joint import join
 from jshell.calibration.least_squares import Ending, levenberg_marquardt
 from jshell.calibration.losses import Problem, residual
 from jshell.calibration.parameters import Unknowns, unknowns
@@ -63,7 +64,7 @@ def coverage(memory: float, replicates: int, noise: str = "auto") -> tuple[np.nd
             if at + k >= replicates:
                 break
             one = jax.tree.map(operator.itemgetter(slice(k, k + 1)), endings)
-            found = trace_result(problem, space, one, true[None], [trace], False, [], noise=noise)
+            found = trace_result(join(problem), space, one, true[None], [trace], False, [], noise=noise)
             lost += found.outcome != js.Outcome.OK
             limits = np.array([found.interval(name) for name in NAMES])
             held += (limits[:, 0] < true) & (true < limits[:, 1])

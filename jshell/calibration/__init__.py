@@ -10,6 +10,7 @@ from jshell.calibration.inverse import fit_conditions
 from jshell.calibration.losses import trace_loss
 from jshell.calibration.master_curve import fit_frequencies
 from jshell.calibration.nonlinear import NonlinearFits, fit_nonlinear
+from jshell.calibration.options import FitOptions
 from jshell.calibration.parameters import Prior
 from jshell.calibration.recordings import Recordings
 from jshell.calibration.refits import Refits
@@ -18,8 +19,8 @@ from jshell.calibration.stored import load
 from jshell.calibration.trajectories import fit_trajectories, prepare
 
 __all__ = [
-    "BatchResult", "Bootstrap", "Comparison", "Estimate", "FitResult", "FitWarning", "NonlinearFits", "Prior",
-    "Recordings", "Refits", "Start", "bootstrap_frequencies", "campaign", "compare", "fit_batch", "fit_conditions",
-    "fit_frequencies", "fit_nonlinear", "fit_trajectories", "least_squares", "load", "losses", "master_curve",
-    "prepare", "trace_loss", "trajectories", "uncertainty",
+    "BatchResult", "Bootstrap", "Comparison", "Estimate", "FitOptions", "FitResult", "FitWarning", "NonlinearFits",
+    "Prior", "Recordings", "Refits", "Start", "bootstrap_frequencies", "campaign", "compare", "fit_batch",
+    "fit_conditions", "fit_frequencies", "fit_nonlinear", "fit_trajectories", "least_squares", "load", "losses",
+    "master_curve", "prepare", "trace_loss", "trajectories", "uncertainty",
 ]  # fmt: skip

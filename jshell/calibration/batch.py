@@ -21,6 +21,7 @@ import numpy as np
 from jshell.calibration import batch_diffrax
 from jshell.calibration.batch_kernel import Found, Raw, solve_blocks
 from jshell.calibration.batch_result import BatchResult, read
+from jshell.calibration.noise import MISFIT
 from jshell.calibration.recordings import Bucket, Recordings, gathered, rest_states, sorted_out
 from jshell.calibration.records import EQUILIBRIA
 from jshell.calibration.starts import find_modes, strict_start
@@ -32,7 +33,6 @@ from jshell.trace import Trace
 
 NAMES = ("alpha1", "alpha2", "k_vs", "tau")
 ROUNDS = 12  # of seven steps
-MISFIT = 2.25  # reduced χ² from which a record is tried again
 HOPELESS = 256  # more records than this in one call get no single care
 WIDEST = ((0.02, 500.0), (0.02, 500.0), (-np.inf, np.inf), (1e-3, 1e4))
 _solve = eqx.filter_jit(solve_blocks)
@@ -228,7 +228,7 @@ class _Batch:
             return
         usable = ~self.unusable & self.buckled
         for care in (False, True):
-            bad = usable & ((self.found.status != CONVERGED) | ~(self.reduced() < MISFIT))
+            bad = usable & ((self.found.status != CONVERGED) | ~(self.reduced() < MISFIT**2))
             if care and not 0 < bad.sum() <= HOPELESS:
                 return
             for bucket in self.buckets:

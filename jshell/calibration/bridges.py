@@ -27,7 +27,7 @@ def to_lmfit(result: FitResult) -> Any:
 
     Raises:
         MissingExtra: lmfit is not installed.
-        BadValue: A result read from a file.
+        BadValue: A result read from a file that lacks data or options.
 
     Example:
         >>> minimizer = result.to_lmfit()  # doctest: +SKIP
@@ -93,7 +93,7 @@ def to_minuit(result: FitResult) -> Any:
 
     Raises:
         MissingExtra: iminuit is not installed.
-        BadValue: A result read from a file.
+        BadValue: A result read from a file that lacks data or options.
 
     Example:
         >>> minuit = result.to_minuit()  # doctest: +SKIP

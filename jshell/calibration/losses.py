@@ -31,7 +31,6 @@ from jshell.oscillator.linear import (
 from jshell.oscillator.simulate import integrate
 from jshell.shell.elasticity import moduli
 
-LOSSES = ("strict", "modal")
 STRICT_NAMES = ("alpha1", "alpha2", "k_vs", "beta1", "beta2")
 MODAL_NAMES = ("alpha1", "alpha2", "k_vs")  # of k_vs it sees the square
 PASSES = 3  # values, first and second derivatives

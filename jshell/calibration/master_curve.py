@@ -23,17 +23,18 @@ from jshell.calibration.estimate import Estimate, starts_of
 from jshell.calibration.frequency_table import Frequencies, Prepared, prepare
 from jshell.calibration.least_squares import Ending, best_of, from_many_starts, value_and_jacobian
 from jshell.calibration.objective import Objective
+from jshell.calibration.options import FitOptions, choices_of
 from jshell.calibration.parameters import Unknowns, unknowns
 from jshell.calibration.report import FitResult, FitWarning
-from jshell.calibration.specification import Specification, versions
 from jshell.calibration.uncertainty import in_words, uncertainty
-from jshell.errors import BadName, BadValue, Outcome, RangeWarning
-from jshell.oscillator.linear import frequencies_of_square
+from jshell.calibration.versions import versions
+from jshell.errors import BadValue, Outcome, RangeWarning
+from jshell.oscillator.linear import frequencies_of_square, squares
 
 NAMES = ("alpha1", "alpha2", "k_vs")
 SQUARED = frozenset({"k_vs"})  # frequencies know its square
 POSITIVE = frozenset({"alpha1", "alpha2"})
-WEIGHTINGS = ("V_e omega", "V_e^2 omega^2")
+WEIGHTINGS = tuple(one for one in choices_of("weighting") if one is not None)
 SECOND_SHAPE = "add a second pressure or shape, or fix alpha2"
 
 
@@ -47,7 +48,8 @@ def model(natural: Float[Array, "3"], rows: Frequencies) -> Float[Array, "shells
     return jax.vmap(one)(*arrays)
 
 
-def _residual(u: jax.Array, args: tuple[Unknowns, Frequencies, str]) -> jax.Array:
+def table_residual(u: jax.Array, args: tuple[Unknowns, Frequencies, str]) -> jax.Array:
+    """Weighted residual of a table, of what the solver sees."""
     free, rows, weighting = args
     return weighted(free.natural(u), rows, weighting)
 
@@ -108,10 +110,8 @@ def start_from_data(rows: Frequencies, fix: Mapping[str, float] | None = None) -
         x2 = 1 / fix["alpha2"] if "alpha2" in fix else max(np.mean((total - A * x1) / B), 0.02 * np.mean(total / B))
         k2 = max(np.mean((A * B - product / (x1 * x2)) / (18 * np.pi**4)), 1e-3)
         k2 = fix["k_vs"] ** 2 if "k_vs" in fix else k2
-        a, b = A * x1, B * x2
-        fast = (a + b) / 2 + np.sqrt((a - b) ** 2 / 4 + 18 * np.pi**4 * k2 * x1 * x2)
-        slow = np.maximum(a * b - 18 * np.pi**4 * k2 * x1 * x2, 0) / fast
-        gap = np.sqrt(np.stack([slow, fast], axis=1)) - np.sqrt(y)
+        slow, fast = squares(V[both], P[both], 1 / x1, 1 / x2, k2, kappa[both], K_A[both])
+        gap = V[both, None] * np.sqrt(np.stack([np.maximum(slow, 0), fast], axis=1)) - np.sqrt(y)
         cost = np.sum(gap**2) / np.sum(y) + 1e-9 * (share - 0.6) ** 2  # ties, as with one shape, go near the middle
         if cost < lowest:
             best, lowest = np.array([1 / x1, 1 / x2, k2]), cost
@@ -147,19 +147,13 @@ def fit_frequencies(
     Source:
         eq:defw; the weighting decides the constants at the level of tens of percent.
     """
-    if weighting not in WEIGHTINGS:
-        raise BadName(
-            f"weighting {weighting!r}",
-            found="no such weighting",
-            expected=" or ".join(WEIGHTINGS),
-            remedy="Choose one.",
-        )
+    given = FitOptions("frequencies", weighting=weighting, fix=fix or {}, bounds=bounds or {}, starts=starts, seed=seed)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", RangeWarning)
         ready = prepare(table)
     _again(caught)
     rows = ready.rows
-    space = unknowns(NAMES, POSITIVE, fix, bounds, squared=SQUARED)
+    space = parameters_of_table(fix, bounds)
 
     first = start_from_data(rows, fix)
     natural = scatter(first, starts, seed)
@@ -167,14 +161,16 @@ def fit_frequencies(
     if measured == 0:
         raise BadValue("table", found="no usable frequency", expected="at least one", remedy="Check the columns.")
     args = (space, rows, weighting)
-    ending = from_many_starts(_residual, args, jnp.asarray(space.seen(natural)), *_limits(space))
+    ending = from_many_starts(table_residual, args, jnp.asarray(space.seen(natural)), *_limits(space))
     power = 2 if weighting == "V_e omega" else 4
     unit = V_size(rows) ** power
     found = _result(ready, space, weighting, ending, natural, measured, unit, [str(w.message) for w in caught])
-    given = Specification(
-        "frequencies", weighting=weighting, fix=dict(fix or {}), bounds=dict(bounds or {}), starts=starts, seed=seed
-    )
     return dataclasses.replace(found, specification=given, versions=versions())
+
+
+def parameters_of_table(fix: Mapping[str, float] | None, bounds: Mapping[str, tuple[float, float]] | None) -> Unknowns:
+    """The three constants, some fixed, some bounded."""
+    return unknowns(NAMES, POSITIVE, fix, bounds, squared=SQUARED)
 
 
 def square_only(space: Unknowns) -> str:
@@ -267,5 +263,5 @@ def _result(
         notes=tuple(notes),
         warnings=tuple(texts),
         table=ready.columns,
-        objective=Objective(_residual, (space, rows, weighting), space, values, ready.absolute, measured),
+        objective=Objective(table_residual, (space, rows, weighting), space, values, ready.absolute, measured),
     )

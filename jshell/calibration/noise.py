@@ -12,13 +12,18 @@ Source     Wald & Wolfowitz 1940 (runs); Fisher 1929 (the largest peak of a peri
 """
 
 from dataclasses import dataclass, replace
+from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import scipy.special
 
 REMEMBERS = 4.0  # standard errors by which lag-1 or runs must leave white noise: 6 in 100 000 by chance
 STRONGEST = 0.998  # memory beyond which a record is all drift
 COHERENT = 1e-6  # chance of so large a peak, or of so uneven an envelope, in noise
+MISFIT = 1.5  # residual over noise beyond which a model does not describe a record: of a hundred samples the scatter
+# of either is below a tenth
 
 
 @dataclass(frozen=True)
@@ -109,17 +114,19 @@ def envelope_chance(left: np.ndarray) -> float:
     return float(2 * scipy.special.ndtr(-max(beyond, 0.0) / np.sqrt(spread))) if spread > 0 else 1.0
 
 
-def whiten(rows: np.ndarray, memory: np.ndarray | float) -> np.ndarray:
+def whiten(rows: np.ndarray | jax.Array, memory: np.ndarray | jax.Array | float) -> Any:
     """Rows (samples, ...) with the memory taken out; noise keeps its variance, the first sample stays.
+
+    Of JAX where that is given, else of NumPy.
 
     Args:
         rows: A residual, or the columns of a Jacobian.
         memory: (samples,) φ over the step that leads to each sample; the first is not used.
     """
-    phi = np.broadcast_to(np.asarray(memory, dtype=float), rows.shape[:1]).reshape(-1, *(1,) * (rows.ndim - 1))
-    out = np.array(rows, dtype=float)
-    out[1:] = (rows[1:] - phi[1:] * rows[:-1]) / np.sqrt(1 - phi[1:] ** 2)
-    return out
+    numbers: Any = jnp if isinstance(rows, jax.Array) else np
+    phi = numbers.broadcast_to(numbers.asarray(memory, dtype=float), rows.shape[:1])[1:]
+    phi = phi.reshape(-1, *(1,) * (rows.ndim - 1))
+    return numbers.concatenate([rows[:1], (rows[1:] - phi * rows[:-1]) / numbers.sqrt(1 - phi**2)])
 
 
 def steps_between(times: np.ndarray, used: np.ndarray | None = None) -> np.ndarray:

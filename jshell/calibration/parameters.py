@@ -10,7 +10,7 @@ Symbols    u what the solver sees   values what the model sees   reported the pa
 
 import ast
 import operator
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -243,14 +243,7 @@ def unknowns(
     """
     fix, bounds, tie = dict(fix or {}), dict(bounds or {}), dict(tie or {})
     for place, given in (("fix", fix), ("bounds", bounds), ("tie", tie)):
-        for name in given:
-            if name not in names:
-                raise BadName(
-                    f"{place}[{name!r}]",
-                    found=f"no parameter {name!r} in this fit",
-                    expected="one of " + ", ".join(names),
-                    remedy="Check the spelling; a parameter of one trace is written name[number].",
-                )
+        check_parameters(place, given, names)
     for name in tie:
         if name in fix or name in bounds:
             raise BadValue(
@@ -294,6 +287,22 @@ def unknowns(
     fixed = np.array([float(fix.get(name, 1.0)) ** (2 if name in squared else 1) for name in names])
     ends = np.array(low), np.array(high)
     return Unknowns(names, free, positive, fixed, *ends, _in_order(names, tie), squared, frozenset(negative))
+
+
+def check_parameters(place: str, given: Iterable[str], names: tuple[str, ...]) -> None:
+    """Refuse a parameter that the model does not have.
+
+    Raises:
+        BadName: Naming it.
+    """
+    for name in given:
+        if name not in names:
+            raise BadName(
+                f"{place}[{name!r}]",
+                found=f"no parameter {name!r} in this fit",
+                expected="one of " + ", ".join(names),
+                remedy="Check the spelling; a parameter of one trace is written name[number].",
+            )
 
 
 def _in_order(names: tuple[str, ...], tie: Mapping[str, str | Tie]) -> tuple[tuple[str, Tie], ...]:

@@ -101,7 +101,7 @@ def posterior(result: FitResult, draws: int = 1000, *, warmup: int = 500, chains
 
     Raises:
         MissingExtra: NumPyro is not installed.
-        BadValue: A result read from a file; a robust fit; fewer than 50 draws.
+        BadValue: A robust fit; fewer than 50 draws.
     """
     objective = result.asked()
     if objective.loss:

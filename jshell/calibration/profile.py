@@ -102,14 +102,14 @@ def profile(
     """Intervals by profile likelihood.
 
     Args:
-        result: Of a fit in this process.
+        result: Of a fit, fresh or read from a file.
         names: Parameters; None takes all that were varied.
         level: Of confidence.
         criterion: `chi2`, `F`, or `auto`: F where errors are scaled, χ² where σ was given.
 
     Raises:
         BadName: No such criterion, or a parameter that was not varied.
-        BadValue: A level outside 0 to 1; a result read from a file; a robust fit, which has no likelihood.
+        BadValue: A level outside 0 to 1; a robust fit, which has no likelihood.
     """
     objective = result.asked()
     if criterion not in CRITERIA:

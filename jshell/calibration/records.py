@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jshell.calibration.options import choices_of
 from jshell.errors import BadName, BadShape, BadValue, RangeWarning
 from jshell.oscillator.simulate import is_buckled, is_uniform
 from jshell.shell.parameters import Reduced
@@ -18,8 +19,7 @@ from jshell.shell.rest import RestState, buckled_state, gas_pressure
 from jshell.signals import MEASURED, ring_down_start
 from jshell.trace import Trace
 
-EQUILIBRIA = ("plateau", "trace")
-MISSING = ("refuse", "drop")
+EQUILIBRIA = tuple(choices_of("equilibrium"))
 SMALLEST_NOISE = 1e-3  # of a channel's scatter: cleaner records are all weighed alike
 REST_TOLERANCE = 0.01
 
@@ -63,13 +63,8 @@ def windowed(
         missing: What becomes of samples that are NaN: `refuse` or `drop`.
 
     Raises:
-        BadName: No such `missing`.
         BadValue: No conditions, or fewer than 16 samples, or numbers that are not finite.
     """
-    if missing not in MISSING:
-        raise BadName(
-            f"missing {missing!r}", found="no such choice", expected=" or ".join(MISSING), remedy="Choose one."
-        )
     listed = [traces] if isinstance(traces, Trace) else list(traces)
     if not listed:
         raise BadValue("traces", found="none", expected="at least one trace", remedy="Give a trace.")

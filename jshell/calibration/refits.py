@@ -104,7 +104,7 @@ def bootstrap(result: FitResult, count: int = 500, *, seed: int = 0, kind: str =
     """Fit again what might have been measured.
 
     Args:
-        result: Of a fit in this process.
+        result: Of a fit, fresh or read from a file.
         count: Refits.
         seed: Of the draws.
         kind: `normal` noise of the size that errors assume, `residuals` of the fit drawn with replacement;
@@ -112,8 +112,7 @@ def bootstrap(result: FitResult, count: int = 500, *, seed: int = 0, kind: str =
 
     Raises:
         BadName: No such kind.
-        BadValue: Fewer than 20 refits; normal noise for a robust fit; a result read from a file; the table of a fit
-            with bounds.
+        BadValue: Fewer than 20 refits; normal noise for a robust fit; the table of a fit with bounds.
     """
     objective = result.asked()
     if kind not in KINDS:

@@ -3,6 +3,8 @@
 Symbols    J Jacobian of constants and linear parameters together   r weighted residual   φ memory of the noise
 """
 
+from collections.abc import Sequence
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -27,10 +29,8 @@ def examined(joint: Joint, found: Solved) -> list[Noise]:
     return noises
 
 
-def remembering(
-    joint: Joint, found: Solved, noises: list[Noise], space: Unknowns, *, free_to_move: bool
-) -> tuple[Joint, Solved]:
-    """The problem with the memory of its noise, and its minimum by Gauss and Newton from the white one."""
+def with_memory(joint: Joint, noises: Sequence[Noise]) -> Joint:
+    """The problem with the memory of its noise, of every channel of every trace."""
     rows = rows_of(joint)
     memory = []
     for (number, channel, _), noise in zip(rows, noises, strict=True):
@@ -41,7 +41,14 @@ def remembering(
         np.stack([m for (number, *_), m in zip(rows, memory, strict=True) if number == i])
         for i in range(len(joint.problem.records))
     ]
-    joint = eqx.tree_at(lambda j: j.memory, joint, tuple(grouped), is_leaf=lambda x: x is None)
+    return eqx.tree_at(lambda j: j.memory, joint, tuple(grouped), is_leaf=lambda x: x is None)
+
+
+def remembering(
+    joint: Joint, found: Solved, noises: list[Noise], space: Unknowns, *, free_to_move: bool
+) -> tuple[Joint, Solved]:
+    """The problem with the memory of its noise, and its minimum by Gauss and Newton from the white one."""
+    joint = with_memory(joint, noises)
     if not free_to_move:
         return joint, found
 

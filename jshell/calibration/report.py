@@ -18,8 +18,9 @@ import scipy.special
 from jshell.calibration.estimate import Estimate, Start
 from jshell.calibration.noise import Noise
 from jshell.calibration.objective import Objective
-from jshell.calibration.specification import Specification
-from jshell.errors import BadName, BadValue, NotOk, Outcome
+from jshell.calibration.options import FitOptions
+from jshell.calibration.uncertainty import information
+from jshell.errors import BadName, NotOk, Outcome
 from jshell.oscillator.coefficients import Coefficients
 from jshell.trace import Trace
 
@@ -62,7 +63,7 @@ class FitResult:
         table: The columns of frequencies that were fitted.
         specification: What was asked.
         versions: Of jshell and of what it stands on.
-        objective: What was minimised, for profiles and the like; a result read from a file has none.
+        objective: What was minimised, for profiles and the like; see `asked`.
     """
 
     title: str
@@ -85,18 +86,18 @@ class FitResult:
     noise: tuple[Noise, ...] = ()
     traces: tuple[Trace, ...] = ()
     table: Mapping[str, np.ndarray] = field(default_factory=dict)
-    specification: Specification | None = None
+    specification: FitOptions | None = None
     versions: tuple[tuple[str, str], ...] = ()
     objective: Objective | None = field(default=None, repr=False)
     statistics: tuple[tuple[str, float], ...] = field(init=False)
 
     def __post_init__(self) -> None:
-        logarithm = self.n_data * np.log(max(self.chi_square, 1e-250 * self.n_data) / self.n_data)
+        aic, bic = information(self.chi_square, self.n_data, self.n_varied)
         values = (
             ("chi_square", self.chi_square),
             ("reduced_chi_square", self.chi_square / max(1, self.n_data - self.n_varied)),
-            ("aic", float(logarithm + 2 * self.n_varied)),
-            ("bic", float(logarithm + np.log(self.n_data) * self.n_varied)),
+            ("aic", aic),
+            ("bic", bic),
         )
         object.__setattr__(self, "statistics", values)
 
@@ -205,18 +206,16 @@ class FitResult:
         return to_minuit(self)
 
     def asked(self) -> Objective:
-        """What was minimised.
+        """What was minimised; of a result that was read from a file built anew, of its data and its options.
 
         Raises:
-            BadValue: The result was read from a file, which holds no program: fit again.
+            BadValue: A file without data or options, or with a tie that was a function.
         """
         if self.objective is None:
-            raise BadValue(
-                "result",
-                found="no objective: the result was read from a file",
-                expected="a result of a fit in this process",
-                remedy="Fit result.traces again with the options in result.specification.",
-            )
+            from jshell.calibration.rebuilt import objective_of
+
+            object.__setattr__(self, "objective", objective_of(self))
+        assert self.objective is not None
         return self.objective
 
     def require_ok(self) -> "FitResult":

@@ -13,8 +13,8 @@ import numpy as np
 from jshell.calibration.joint import Joint
 from jshell.calibration.least_squares import value_and_jacobian
 from jshell.calibration.lengths import lengthened, own_rows
-from jshell.calibration.long_records import is_long, look_at_all
-from jshell.calibration.losses import bases, best, targets
+from jshell.calibration.long_records import best_of_blocks, is_long, look_at_all
+from jshell.calibration.losses import bases, best, best_linear, targets
 from jshell.calibration.misfit import rows_of
 from jshell.calibration.noise import whiten
 from jshell.calibration.parameters import Unknowns
@@ -43,7 +43,7 @@ class Solved:
 
 def solved(values: np.ndarray, joint: Joint, space: Unknowns, linear: list[np.ndarray] | None = None) -> Solved:
     """Residual and Jacobian at given parameters, with the best linear ones unless they are given."""
-    if is_long(joint.problem) and not any(joint.moved):
+    if is_long(joint.problem):
         linear, r, J, bases = _by_blocks(values, joint, linear)
     else:
         linear, r, J, bases = _of_common_length(values, joint, linear)
@@ -62,16 +62,31 @@ def solved(values: np.ndarray, joint: Joint, space: Unknowns, linear: list[np.nd
 
 
 def _by_blocks(values: np.ndarray, joint: Joint, given: list[np.ndarray] | None):
-    """As `_jacobian`, of traces too long to be differentiated at one go; conditions that move are not among them."""
+    """As `_jacobian`, of traces too long to be differentiated at one go."""
     linear, left, slopes, plain = [], [], [], []
-    for piece, places in zip(joint.pieces(values), joint.places, strict=True):
-        count = 1 if piece.problem.loss == "strict" else len(piece.problem.records[0].channels)
+    for number, record in enumerate(joint.problem.records):
+        count = 1 if joint.problem.loss == "strict" else len(record.channels)
         own = None if given is None else given[len(linear) : len(linear) + count]
-        c, r, J, basis = look_at_all(piece.constants, piece.problem, own)
+        at = joint.own(number)
+        c, r, J, basis = look_at_all(values[at], joint.alone(number), own)
         whole = np.zeros((r.size, len(values)))
-        whole[:, list(places)] = J
+        whole[:, at] = J
         linear, left, slopes, plain = [*linear, *c], [*left, r], [*slopes, whole], [*plain, *basis]
     return linear, np.concatenate(left), np.concatenate(slopes), plain
+
+
+def best_linear_of(values: np.ndarray, joint: Joint) -> list[np.ndarray]:
+    """The best linear parameters of every block that shares them."""
+    if not is_long(joint.problem):
+        return [c for piece in joint.pieces(jnp.asarray(values)) for c in best_linear(*piece)]
+    found = [
+        _best_of_blocks(jnp.asarray(values[joint.own(number)]), joint.alone(number))
+        for number in range(len(joint.problem.records))
+    ]
+    return [np.asarray(c) for each in found for c in each]
+
+
+_best_of_blocks = eqx.filter_jit(best_of_blocks)
 
 
 def _of_common_length(values: np.ndarray, joint: Joint, given: list[np.ndarray] | None):

@@ -9,8 +9,8 @@ import numpy as np
 
 from jshell.calibration.estimate import Estimate, Start
 from jshell.calibration.noise import Noise
+from jshell.calibration.options import FitOptions
 from jshell.calibration.report import FitResult
-from jshell.calibration.specification import Specification
 from jshell.errors import BadFile, Outcome
 from jshell.io.records import number, numbers, plain, read_record, trace_of, trace_record, write_groups, write_record
 
@@ -59,9 +59,9 @@ def save(result: FitResult, path: str | Path) -> Path:
 def load(path: str | Path) -> FitResult:
     """Read a result that `FitResult.save` wrote.
 
-    It reports, draws and compares as the one that was saved; to walk around its
-    minimum (`profile`, `bootstrap`, …) fit its `traces` or `table` again, as its
-    `specification` says.
+    It does all that the one that was saved can: report, draw, compare, and walk
+    around its minimum (`profile`, `bootstrap`, `posterior`), which is built anew of
+    its data and its options.
 
     Raises:
         BadFile: Not such a file; the message says in what.
@@ -101,7 +101,7 @@ def _result(found: Mapping[str, Any]) -> FitResult:
         noise=tuple(Noise(**{f.name: _like(f.type, one[f.name]) for f in fields(Noise)}) for one in found["noise"]),
         traces=tuple(trace_of(one) for one in found["data"]["traces"]),
         table={name: numbers(column) for name, column in found["data"]["table"].items()},
-        specification=None if asked is None else Specification.from_record(_finite(asked)),
+        specification=None if asked is None else FitOptions.from_record(asked),
         versions=tuple((str(name), str(version)) for name, version in found["versions"]),
     )
 
@@ -122,12 +122,6 @@ def _estimate(found: Mapping[str, Any]) -> Estimate:
 def _start(found: Mapping[str, Any]) -> Start:
     values = tuple(number(x) for x in found["values"])
     return Start(values, number(found["cost"]), _outcome(found["outcome"]), int(found["steps"]), bool(found["agrees"]))
-
-
-def _finite(asked: Mapping[str, Any]) -> dict[str, Any]:
-    """Bounds with their infinities as numbers again."""
-    bounds = {name: [number(low), number(high)] for name, (low, high) in asked["bounds"].items()}
-    return dict(asked) | {"bounds": bounds}
 
 
 def export(result: FitResult, path: str | Path) -> Path:

@@ -19,10 +19,10 @@ from jshell.calibration.advice import (
     sign_of_coupling,
 )
 from jshell.calibration.estimate import Estimate, starts_of
-from jshell.calibration.joint import Joint, join
+from jshell.calibration.joint import Joint
 from jshell.calibration.least_squares import Ending, best_of, value_and_jacobian
 from jshell.calibration.lengths import without_data
-from jshell.calibration.losses import Problem, linear_names, pulsations, targets
+from jshell.calibration.losses import linear_names, pulsations, targets
 from jshell.calibration.misfit import misfits, silent_directions, snaps
 from jshell.calibration.noise import taken_as_white
 from jshell.calibration.objective import Objective
@@ -37,7 +37,7 @@ from jshell.trace import Trace
 
 
 def trace_result(
-    problem: Problem,
+    joint: Joint,
     space: Unknowns,
     ending: Ending,
     natural: np.ndarray,
@@ -45,25 +45,23 @@ def trace_result(
     absolute: bool,
     texts: list[str],
     *,
-    joint: Joint | None = None,
     noise: str = "auto",
     robust: Robust | None = None,
 ) -> FitResult:
     """The best ending, judged: errors, what they leave out, and whether the model describes the records.
 
     Args:
-        problem: What was fitted.
+        joint: What was fitted.
         space: Its parameters.
         ending: Of the solver.
         natural: (starts, names) where it began.
         cut: The traces inside the window.
         absolute: Whether their errors were given.
         texts: Warnings so far.
-        joint: How parameters belong to traces; None shares all.
         noise: `auto` tests the residual and lets noise remember where it does; `white` takes it as white.
         robust: What a robust loss gave, where there was one.
     """
-    joint = join(problem) if joint is None else joint
+    problem = joint.problem
     size = float(sum(np.sum((np.asarray(block) - np.mean(block)) ** 2) for block in targets(problem)))
     best, same = best_of(ending, size)
     values = np.array(space.natural(np.asarray(ending.unknowns)[best]))

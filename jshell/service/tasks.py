@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from jshell import calibration, dynamics, io, oscillator
-from jshell.calibration.specification import Specification
+from jshell.calibration.options import OPTIONS, FitOptions, check_names
 from jshell.calibration.stored import stored
 from jshell.errors import BadName, BadValue, JshellError, LimitReached
 from jshell.io.formats import FORMATS
@@ -34,14 +34,13 @@ from jshell.service.spool import Place
 from jshell.shell import Reduced
 from jshell.trace import Trace
 
-FIT = frozenset(Specification.__dataclass_fields__) - {"kind", "weighting"}
-FIT_MORE = frozenset({"conditions", "profile", "netcdf"})
-BATCH = frozenset({"solver", "equilibrium", "fix", "bounds", "starts", "seed"})
-SIMULATOR = frozenset(
-    {"duration", "every", "ramp", "elements", "attached", "shell_density", "step", "follow", "tolerance", "netcdf"}
-)
-MODES = frozenset({"liquid", "count", "elements", "attached"})
-OSCILLATOR = frozenset({"duration", "every", "coefficients", "initial", "netcdf"})
+FIT_MORE = ("conditions", "profile", "netcdf")  # of a job beside the options of the fit
+BATCH = ("solver", "equilibrium", "fix", "bounds", "starts", "seed")
+SIMULATOR = (
+    "duration", "every", "ramp", "elements", "attached", "shell_density", "step", "follow", "tolerance", "netcdf",
+)  # fmt: skip
+MODES = ("liquid", "count", "elements", "attached")
+OSCILLATOR = ("duration", "every", "coefficients", "initial", "netcdf")
 MEMORY = Path("/dev/shm")  # Linux; in a container it may be small
 SMALL = 2**20  # bytes of a file that is laid there to be read
 Files = Sequence[tuple[str, Content]]
@@ -109,14 +108,10 @@ def fit(specification: Mapping[str, Any], files: Files) -> dict[str, bytes]:
     Raises:
         JshellError: As `jshell.calibration.fit_trajectories` and `jshell.io.read_trace`.
     """
-    _known(specification, FIT | FIT_MORE)
-    asked = {name: value for name, value in specification.items() if name in FIT}
+    check_names(specification, (*OPTIONS, *FIT_MORE))
+    options = FitOptions.from_record({name: value for name, value in specification.items() if name in OPTIONS})
     traces = [_trace(name, content, specification.get("conditions")) for name, content in files]
-    priors = {name: calibration.Prior(**value) for name, value in (asked.pop("priors", None) or {}).items()}
-    bounds = {name: _limits(pair) for name, pair in (asked.pop("bounds", None) or {}).items()}
-    drop = tuple(tuple(span) for span in asked.pop("drop", None) or ())
-    local = tuple(asked.pop("local", None) or ())
-    found = calibration.fit_trajectories(traces, **asked, priors=priors, bounds=bounds, drop=drop, local=local)
+    found = calibration.fit_trajectories(traces, options=options)
     made = {
         "record.json": _record("fit", stored(found)),
         "report.txt": found.report().encode(),
@@ -140,7 +135,7 @@ def batch(specification: Mapping[str, Any], files: Files) -> dict[str, bytes]:
     Raises:
         JshellError: As `jshell.calibration.fit_batch`.
     """
-    _known(specification, BATCH)
+    check_names(specification, BATCH)
     asked = dict(specification)
     asked["bounds"] = {name: _limits(pair) for name, pair in (asked.pop("bounds", None) or {}).items()}
     with tempfile.TemporaryDirectory() as disk, _in_memory() as memory:  # a folder a file takes as long as reading it
@@ -183,7 +178,7 @@ def motion(specification: Mapping[str, Any]) -> Trace:
         raise BadName(
             f"model {model!r}", found="no such model", expected="simulator or oscillator", remedy="Choose one."
         )
-    _known(asked, SIMULATOR if model == "simulator" else OSCILLATOR)
+    check_names(asked, SIMULATOR if model == "simulator" else OSCILLATOR)
     conditions = _conditions(given)
     if model == "simulator":
         return dynamics.simulate(conditions, **asked)
@@ -209,7 +204,7 @@ def modes(specification: Mapping[str, Any], files: Files = ()) -> dict[str, byte
     """
     asked = dict(specification)
     conditions = _conditions(asked.pop("conditions", None))
-    _known(asked, MODES)
+    check_names(asked, MODES)
     rows = [dataclasses.asdict(row) for row in dynamics.modes(conditions, **asked).table()]
     file = streams.StringIO()
     writer = csv.DictWriter(file, fieldnames=list(rows[0]), lineterminator="\n")
@@ -278,17 +273,6 @@ def _reading(path: Path, name: str, read: Callable[[], Any]) -> Any:
         renamed = type(error)(**words)  # pyright: ignore[reportCallIssue]
         renamed.code = code
         raise renamed from None
-
-
-def _known(specification: Mapping[str, Any], names: frozenset[str]) -> None:
-    for name in specification:
-        if name not in names:
-            raise BadName(
-                f"option {name!r}",
-                found="no such option of this job",
-                expected=", ".join(sorted(names)),
-                remedy="Leave it out, or choose one of these.",
-            )
 
 
 def _limits(pair: Sequence[float | int | None]) -> tuple[float, float]:

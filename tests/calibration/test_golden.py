@@ -7,6 +7,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import jax
+import numpy as np
 import pytest
 
 import jshell as js
@@ -52,3 +54,17 @@ def test_a_file_that_was_saved_is_read(name):
     old = json.loads((GOLDEN / "records" / f"{name}.json").read_text(encoding="utf-8"))
     new = json.loads(json.dumps(plain(cases.written(read))))
     assert differences(old, new) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", cases.SAVED)
+def test_a_read_fit_minimises_what_the_fresh_one_did(name):
+    """Ties, local constants, autocorrelated noise, uncertain conditions, robust weights: all of the problem is back."""
+    fresh, read = cases.fit(name).asked(), js.load(GOLDEN / "saved" / f"{name}.json").asked()
+    assert read.names == fresh.names
+    assert (read.count, read.linear, read.priors, read.loss) == (fresh.count, fresh.linear, fresh.priors, fresh.loss)
+    # the weights of a robust loss settle to 1e-9 of the unknowns, and follow the residual
+    rtol = 1e-5 if fresh.loss else 1e-9
+    for old, new in zip(jax.tree.leaves(fresh.args), jax.tree.leaves(read.args), strict=True):
+        np.testing.assert_allclose(np.asarray(new), np.asarray(old), rtol=rtol, atol=1e-12)
+    assert read.cost == pytest.approx(fresh.cost, rel=rtol)
