@@ -180,7 +180,9 @@ class Client:
         """
         listed = [traces] if isinstance(traces, str | Path | Trace) else list(traces)
         ids = [one if sending.is_id(one) else self.upload(one) for one in listed]
-        return self._job(self._send("POST", "/fits", json=sending.plain(options) | {"traces": ids}, key=key).json())
+        return self._job(
+            self._send("POST", "/fits", json=sending.fit_options(options) | {"traces": ids}, key=key).json()
+        )
 
     def fit_batch(
         self, traces: Recordings | Sequence[Trace] | str | Path, *, seconds: float | int = 3600.0, **options: Any

@@ -19,7 +19,7 @@ from jshell.service.reading import ROOM, Look, conditions_of, example, look, loo
 from jshell.service.safety import clean_name
 from jshell.service.state import Here, Service
 from jshell.service.web import drawing, series
-from jshell.service.web.forms import CONDITIONS, MODAL, STRICT, SYMBOLS, FitForm, read
+from jshell.service.web.forms import CONDITIONS, MODAL, STRICT, SYMBOLS, FitForm, choice, read, selects
 from jshell.service.web.templates import shown
 
 router = APIRouter(include_in_schema=False, default_response_class=HTMLResponse)
@@ -206,6 +206,9 @@ def configured(request: Request, here: Service, asked: FitForm, status: int) -> 
         "channels": shared,
         "parameters": [(name, *SYMBOLS[name], _begin(found, name)) for name in own],
         "uncertain": list(CONDITIONS.items()),
+        "losses": choice("loss").values[1:],
+        "rest": choice("equilibrium"),
+        "selects": selects(loss),
         "query": str(request.url.query) if request.method == "GET" else "&".join(f"trace={t}" for t in asked.traces),
         "time": _time(looks),
         "lone": len(looks) == 1 and loss == "modal" and not any(asked.role(name) == "fixed" for name in SYMBOLS),
