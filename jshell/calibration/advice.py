@@ -4,10 +4,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from jshell.calibration.estimate import Estimate
+from jshell.calibration.frequency_model import square_only
 from jshell.calibration.joint import Joint
 from jshell.calibration.least_squares import Ending
 from jshell.calibration.losses import Problem
-from jshell.calibration.master_curve import square_only
 from jshell.calibration.misfit import HEARD, mode_powers
 from jshell.calibration.noise import Noise
 from jshell.calibration.parameters import Unknowns

@@ -15,12 +15,13 @@ import numpy as np
 
 from jshell.calibration.joint import Joint
 from jshell.calibration.objective import Objective, evaluate
-from jshell.calibration.report import FitResult
+from jshell.calibration.rebuilt import objective_of
+from jshell.calibration.result import Fit
 from jshell.calibration.solved import solved, whitened
 from jshell.errors import MissingExtra
 
 
-def to_lmfit(result: FitResult) -> Any:
+def to_lmfit(result: Fit) -> Any:
     """An `lmfit.Minimizer` whose parameters stand at the minimum found; names `beta1[2]` become `beta1_2`.
 
     Linear parameters follow as `linear_0`, `linear_1`, … in the order of the result's nuisance estimates.
@@ -33,7 +34,7 @@ def to_lmfit(result: FitResult) -> Any:
         >>> minimizer = result.to_lmfit()  # doctest: +SKIP
         >>> lmfit.conf_interval(minimizer, minimizer.minimize())  # doctest: +SKIP
     """
-    objective = result.asked()
+    objective = objective_of(result)
     try:
         import lmfit
     except ImportError:
@@ -88,7 +89,7 @@ def to_lmfit(result: FitResult) -> Any:
     return Exact(lambda p: at(p)[0], parameters, scale_covar=not objective.absolute)
 
 
-def to_minuit(result: FitResult) -> Any:
+def to_minuit(result: Fit) -> Any:
     """An `iminuit.Minuit` of χ²/s² at the minimum found, with gradient; errordef 1, so that MINOS reads 68%.
 
     Raises:
@@ -99,7 +100,7 @@ def to_minuit(result: FitResult) -> Any:
         >>> minuit = result.to_minuit()  # doctest: +SKIP
         >>> minuit.migrad().minos(cl=0.95)  # doctest: +SKIP
     """
-    objective = result.asked()
+    objective = objective_of(result)
     try:
         import iminuit
     except ImportError:

@@ -18,7 +18,8 @@ import scipy.special
 
 from jshell.calibration.least_squares import value_and_jacobian
 from jshell.calibration.objective import Objective
-from jshell.calibration.report import FitResult
+from jshell.calibration.rebuilt import objective_of
+from jshell.calibration.result import Fit
 from jshell.errors import BadName, BadValue, Outcome
 
 CRITERIA = ("auto", "chi2", "F")
@@ -97,7 +98,7 @@ class Profile:
 
 
 def profile(
-    result: FitResult, names: Sequence[str] | None = None, *, level: float | int = 0.95, criterion: str = "auto"
+    result: Fit, names: Sequence[str] | None = None, *, level: float | int = 0.95, criterion: str = "auto"
 ) -> Profile:
     """Intervals by profile likelihood.
 
@@ -111,7 +112,7 @@ def profile(
         BadName: No such criterion, or a parameter that was not varied.
         BadValue: A level outside 0 to 1; a robust fit, which has no likelihood.
     """
-    objective = result.asked()
+    objective = objective_of(result)
     if criterion not in CRITERIA:
         raise BadName(
             f"criterion {criterion!r}", found="no such criterion", expected=" or ".join(CRITERIA), remedy="Choose one."

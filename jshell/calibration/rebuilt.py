@@ -2,24 +2,31 @@
 
 import numpy as np
 
+from jshell.calibration.frequency_model import parameters_of_table, table_residual
 from jshell.calibration.frequency_table import prepare
-from jshell.calibration.master_curve import parameters_of_table, table_residual
 from jshell.calibration.objective import Objective
 from jshell.calibration.options import FitOptions
 from jshell.calibration.parameters import Unknowns
+from jshell.calibration.problem import problem_of
 from jshell.calibration.remembering import with_memory
-from jshell.calibration.report import FitResult
+from jshell.calibration.result import Fit
 from jshell.calibration.robust import reweighed
-from jshell.calibration.trajectories import problem_of
 from jshell.errors import BadValue
 
 
-def objective_of(result: FitResult) -> Objective:
-    """What a fit minimised, and its minimum.
+def objective_of(result: Fit) -> Objective:
+    """What a fit minimised, and its minimum; kept by the result once it is built.
 
     Raises:
         BadValue: The result says no options, or a tie of it is a function, which no file holds.
     """
+    if result.objective is None:
+        object.__setattr__(result, "objective", _rebuilt(result))
+    assert result.objective is not None
+    return result.objective
+
+
+def _rebuilt(result: Fit) -> Objective:
     options = result.specification
     if options is None or not (result.traces or result.table):
         raise BadValue(
@@ -48,7 +55,7 @@ def objective_of(result: FitResult) -> Objective:
     return Objective.of_traces(moved, space, values, result.absolute, options.robust, share)
 
 
-def _of_table(result: FitResult, options: FitOptions) -> Objective:
+def _of_table(result: Fit, options: FitOptions) -> Objective:
     assert options.weighting is not None
     ready = prepare(result.table)
     space = parameters_of_table(options.fix, options.bounds)
@@ -56,7 +63,7 @@ def _of_table(result: FitResult, options: FitOptions) -> Objective:
     return Objective(table_residual, args, space, _values(result, space), result.absolute, result.n_data)
 
 
-def _values(result: FitResult, space: Unknowns) -> np.ndarray:
+def _values(result: Fit, space: Unknowns) -> np.ndarray:
     """(names,) the minimum, as the model sees it."""
     known = {one.name: one.value for one in result.estimates}
     return np.array([known[name] ** 2 if name in space.squared else known[name] for name in space.names])

@@ -247,10 +247,13 @@ def rest_state(trace: Trace, offset: float | None, equilibrium: str, number: int
     return RestState(volume, jnp.asarray(gas_pressure(volume, conditions))), tuple(texts)
 
 
-def record(trace: Trace, channels: tuple[str, ...], state: RestState) -> Record:
-    """A trace with weights: 1/σ where given, else one over each channel's own noise; 0 where a sample is left out."""
-    times = np.asarray(trace.times, dtype=float)
-    uniform = is_uniform(times)
+def weighted(trace: Trace, channels: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+    """Data and weights of a trace, (channels, times) each.
+
+    Weights are 1/σ where it is given, else one over each channel's own noise; 0 where a sample is left out, and so is
+    its datum.
+    """
+    uniform = is_uniform(np.asarray(trace.times, dtype=float))
     data = np.stack([np.asarray(trace[name], dtype=float) for name in channels])
     known = np.isfinite(data)
     weight = []
@@ -263,6 +266,13 @@ def record(trace: Trace, channels: tuple[str, ...], state: RestState) -> Record:
             floor = SMALLEST_NOISE * values[used].std()
             sigma = np.full(values.shape, max(noise_of(values) if uniform else 0.0, floor, 1e-300))
         weight.append(np.where(used, 1 / sigma, 0.0))
+    return np.where(known, data, 0.0), np.stack(weight)
+
+
+def record(trace: Trace, channels: tuple[str, ...], state: RestState) -> Record:
+    """A trace as the solver sees it."""
+    times = np.asarray(trace.times, dtype=float)
+    data, weight = weighted(trace, channels)
     number = np.float64  # of NumPy: what is done outside the solver then compiles nothing
     c = trace.conditions
     assert c is not None
@@ -275,4 +285,4 @@ def record(trace: Trace, channels: tuple[str, ...], state: RestState) -> Record:
         number(c.poisson_ratio),
     )
     state = RestState(*(np.asarray(x, dtype=float)[()] for x in state))  # pyright: ignore[reportArgumentType]
-    return Record(times - times[0], np.where(known, data, 0.0), np.stack(weight), conditions, state, channels, uniform)
+    return Record(times - times[0], data, weight, conditions, state, channels, is_uniform(times))

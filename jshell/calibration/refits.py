@@ -18,11 +18,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jshell.calibration.bootstrap import bootstrap_frequencies
+from jshell.calibration.frequency_table import prepare
 from jshell.calibration.joint import Joint
 from jshell.calibration.least_squares import levenberg_marquardt
 from jshell.calibration.objective import Objective, evaluate
-from jshell.calibration.report import FitResult
+from jshell.calibration.rebuilt import objective_of
+from jshell.calibration.resampling import resample
+from jshell.calibration.result import Fit
 from jshell.calibration.robust import counts
 from jshell.errors import BadName, BadValue, Outcome
 
@@ -100,7 +102,7 @@ class Refits:
         }
 
 
-def bootstrap(result: FitResult, count: int = 500, *, seed: int = 0, kind: str = "auto") -> Refits:
+def bootstrap(result: Fit, count: int = 500, *, seed: int = 0, kind: str = "auto") -> Refits:
     """Fit again what might have been measured.
 
     Args:
@@ -114,7 +116,7 @@ def bootstrap(result: FitResult, count: int = 500, *, seed: int = 0, kind: str =
         BadName: No such kind.
         BadValue: Fewer than 20 refits; normal noise for a robust fit; the table of a fit with bounds.
     """
-    objective = result.asked()
+    objective = objective_of(result)
     if kind not in KINDS:
         raise BadName(f"kind {kind!r}", found="no such choice", expected=" or ".join(KINDS), remedy="Choose one.")
     if count < 20:
@@ -231,7 +233,7 @@ def _refitted(
     return jax.vmap(one)(data)
 
 
-def _shells(result: FitResult, objective: Objective, count: int, seed: int) -> Refits:
+def _shells(result: Fit, objective: Objective, count: int, seed: int) -> Refits:
     """The constants of a table whose shells are drawn again."""
     asked = result.specification
     if asked is None or asked.bounds or asked.weighting is None:
@@ -239,8 +241,6 @@ def _shells(result: FitResult, objective: Objective, count: int, seed: int) -> R
             "bootstrap", found="the fit of a table with bounds", expected="one without",
             remedy="Leave the bounds out, or use profile.",
         )  # fmt: skip
-    found = bootstrap_frequencies(result.table, asked.weighting, resamples=count, fix=asked.fix, seed=seed)
+    values, outcome = resample(prepare(result.table).rows, result, asked.weighting, tuple(asked.fix), count, seed)
     columns = [("alpha1", "alpha2", "k_vs").index(name) for name in objective.names]
-    return Refits(
-        objective.names, found.values[:, columns], objective.shown(objective.best), found.outcome, "shells", seed
-    )
+    return Refits(objective.names, values[:, columns], objective.shown(objective.best), outcome, "shells", seed)

@@ -13,10 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from jshell.calibration.frequency_model import start_from_data
 from jshell.calibration.frequency_table import Frequencies
 from jshell.calibration.joint import Joint, nominal_values, single_names
 from jshell.calibration.losses import Problem
-from jshell.calibration.master_curve import start_from_data
 from jshell.calibration.records import Record
 from jshell.oscillator.coefficients import tied_beta2
 from jshell.signals import rates

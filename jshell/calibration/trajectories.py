@@ -10,20 +10,18 @@ import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
-from jshell.calibration.joint import Joint, join, parameters_of
 from jshell.calibration.long_records import minimise
 from jshell.calibration.losses import Problem
 from jshell.calibration.options import OPTIONS, FitOptions, tie_in_words
-from jshell.calibration.parameters import Prior, Tie, Unknowns
-from jshell.calibration.records import Record, chosen_channels, filled, record, rest_state, windowed
+from jshell.calibration.parameters import Prior, Tie
+from jshell.calibration.problem import prepared, problem_of
+from jshell.calibration.records import chosen_channels, windowed
 from jshell.calibration.report import FitResult, FitWarning
 from jshell.calibration.robust import reweigh
-from jshell.calibration.starts import Modes, find_modes, starts_of_fit
+from jshell.calibration.starts import starts_of_fit
 from jshell.calibration.verdict import trace_result
 from jshell.calibration.versions import versions
-from jshell.errors import BadName, BadValue
+from jshell.errors import BadName
 from jshell.trace import Trace
 
 
@@ -121,35 +119,6 @@ def _options(given: FitOptions | None, words: Mapping[str, Any]) -> FitOptions:
     return said if given is None else given.changed(**said.differing())
 
 
-def problem_of(cut: list[Trace], options: FitOptions) -> tuple[Joint, Unknowns, list[Modes | None], list[str]]:
-    """What a fit solves: the traces inside their windows, compared as the options say, and their parameters.
-
-    Args:
-        cut: From `windowed`.
-        options: With loss and channels.
-
-    Returns:
-        The problem, its parameters, the modes found in each trace, and warnings.
-    """
-    assert options.loss is not None
-    assert options.channels is not None
-    ready, modes, texts = _prepare(cut, tuple(options.channels), options.equilibrium)
-    problem = Problem(tuple(ready), options.loss, options.solver, options.dipole, options.beta2 == "equal_decay")
-    viscous = any(float(one.conditions.viscosity) > 0 for one in ready)
-    if options.loss == "strict" and "beta1" not in options.fix and not viscous:
-        raise BadValue(
-            "viscosity",
-            found="0 in every trace",
-            expected="a viscosity, which beta1 multiplies",
-            remedy='Give the viscosity, or fix={"beta1": 0.0}.',
-        )
-    joint = join(
-        problem, local=options.local, uncertain=options.uncertain, priors=options.priors,
-        equilibrium=options.equilibrium,
-    )  # fmt: skip
-    return joint, parameters_of(joint, options.fix, options.bounds, options.tie), modes, texts
-
-
 def prepare(
     traces: Trace | Sequence[Trace],
     loss: str | None = None,
@@ -162,28 +131,5 @@ def prepare(
     """The problem that `fit_trajectories` solves, for those who bring their own minimiser or want its gradients."""
     cut = windowed(traces, None, None)
     loss, names = chosen_channels(cut, loss, channels)
-    ready, _, _ = _prepare(cut, names, equilibrium)
+    ready, _, _ = prepared(cut, names, equilibrium)
     return Problem(tuple(ready), loss, solver, adjoint=adjoint)
-
-
-def _prepare(
-    cut: list[Trace], names: tuple[str, ...], equilibrium: str
-) -> tuple[list[Record], list[Modes | None], list[str]]:
-    """Records with rest states, their modes, and warnings."""
-    given = [name in trace.sigma for trace in cut for name in names]
-    if any(given) and not all(given):
-        raise BadValue("sigma", found="σ for some channels", expected="for all or none", remedy="Complete it.")
-    ready, modes, texts = [], [], []
-    for number, trace in enumerate(cut, 1):
-        times = np.asarray(trace.times, dtype=float)
-        data = [filled(times, np.asarray(trace[name], dtype=float)) for name in names]
-        found = find_modes(times - times[0], np.stack(data))
-        offset = None
-        if "V" in names:
-            index = names.index("V")
-            offset = float(np.nanmean(trace["V"])) if found is None else float(found.offsets[index])
-        state, more = rest_state(trace, offset, equilibrium, number)
-        ready.append(record(trace, names, state))
-        modes.append(found)
-        texts += more
-    return ready, modes, list(dict.fromkeys(texts))

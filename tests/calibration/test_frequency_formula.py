@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from jshell.calibration.batch_kernel import Block, shape
-from jshell.calibration.bootstrap import Resamples, look
+from jshell.calibration.frequency_model import weighted
 from jshell.calibration.frequency_table import prepare
-from jshell.calibration.master_curve import weighted
+from jshell.calibration.resampling import Resamples, look
 from jshell.oscillator.linear import frequencies_of_square, squares
 
 V, P, KAPPA, K_A = np.array([2.4, 3.1]), np.array([0.3, 1.4]), 1.4, 1.0

@@ -51,7 +51,7 @@ def test_a_fit_gives_the_numbers_that_it_gave(name):
 @pytest.mark.parametrize("name", cases.SAVED)
 def test_a_file_that_was_saved_is_read(name):
     read = js.load(GOLDEN / "saved" / f"{name}.json")
-    old = json.loads((GOLDEN / "records" / f"{name}.json").read_text(encoding="utf-8"))
+    old = json.loads((GOLDEN / "saved" / f"{name}.record.json").read_text(encoding="utf-8"))  # of the day it was saved
     new = json.loads(json.dumps(plain(cases.written(read))))
     assert differences(old, new) == []
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from cases import FITS, HERE, OTHERS, SAVED, fit, golden  # pyright: ignore[reportMissingImports]
+from cases import FITS, HERE, OTHERS, golden  # pyright: ignore[reportMissingImports]
 
 from jshell.io.records import plain
 
@@ -19,8 +19,6 @@ def main(names: list[str]) -> None:
         content = json.dumps(plain(golden(name)), ensure_ascii=False, indent=1)
         (HERE / "records" / f"{name}.json").write_text(content + "\n", encoding="utf-8")
         print(f"{name}: {time.perf_counter() - begun:.1f} s", flush=True)
-        if name in SAVED:
-            fit(name).save(HERE / "saved" / f"{name}.json")
 
 
 if __name__ == "__main__":
