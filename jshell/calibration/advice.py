@@ -6,13 +6,13 @@ import numpy as np
 from jshell.calibration.estimate import Estimate
 from jshell.calibration.frequency_model import square_only
 from jshell.calibration.joint import Joint
-from jshell.calibration.least_squares import Ending
+from jshell.calibration.least_squares import SolverResult
+from jshell.calibration.linearization import Linearization
 from jshell.calibration.losses import Problem
 from jshell.calibration.misfit import HEARD, mode_powers
 from jshell.calibration.noise import Noise
 from jshell.calibration.parameters import Unknowns
 from jshell.calibration.robust import Robust
-from jshell.calibration.solved import Solved
 from jshell.calibration.uncertainty import in_words
 from jshell.errors import Outcome
 from jshell.trace import Trace
@@ -45,7 +45,7 @@ def remedy(problem: Problem, cut: list[Trace], quiet: list[str]) -> str:
 
 
 def quiet_modes(
-    joint: Joint, found: Solved, reduced: float, absolute: bool, noises: list[Noise]
+    joint: Joint, found: Linearization, reduced: float, absolute: bool, noises: list[Noise]
 ) -> tuple[list[str], int]:
     """Modes that no trace holds, in words, and the louder of the two."""
     total, at = np.zeros(2), 0
@@ -74,7 +74,7 @@ def sign_of_coupling(problem: Problem, space: Unknowns, estimates: list[Estimate
     ]
 
 
-def other_minima(ending: Ending, space: Unknowns, same: np.ndarray) -> list[str]:
+def other_minima(ending: SolverResult, space: Unknowns, same: np.ndarray) -> list[str]:
     """Minima above the best one in which starts ended."""
     cost, outcome = np.asarray(ending.cost), np.asarray(ending.outcome)
     ended = ((outcome == Outcome.OK) | (outcome == Outcome.AT_BOUND)) & ~same & np.isfinite(cost)

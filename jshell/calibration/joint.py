@@ -20,7 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jshell.calibration.losses import MODAL_NAMES, STRICT_NAMES, Problem, bases, left_over, targets
+from jshell.calibration.losses import MODAL_NAMES, STRICT_NAMES, Problem, bases, linear_residual, targets
 from jshell.calibration.noise import whiten
 from jshell.calibration.options import CONDITIONS
 from jshell.calibration.parameters import Prior, Tie, Unknowns, check_parameters, unknowns
@@ -137,7 +137,7 @@ def residual(u: jax.Array, args: tuple[Unknowns, Joint]) -> jax.Array:
     values = space.natural(u)
     left = []
     for basis, data in blocks(values, joint):
-        left.append(left_over(basis, data))
+        left.append(linear_residual(basis, data))
     return jnp.concatenate([*left, joint.prior_residual(values)] if joint.prior_at else left)
 
 

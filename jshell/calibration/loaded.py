@@ -9,7 +9,7 @@ from jshell.calibration.estimate import Estimate, Start
 from jshell.calibration.noise import Noise
 from jshell.calibration.options import FitOptions
 from jshell.calibration.report import FitResult
-from jshell.calibration.stored import KIND
+from jshell.calibration.serialization import KIND
 from jshell.errors import BadFile, Outcome
 from jshell.io.records import number, numbers, read_record, trace_of
 

@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jshell.calibration.joint import Joint, Piece, residual
-from jshell.calibration.least_squares import Ending, from_many_starts, value_and_jacobian
+from jshell.calibration.least_squares import SolverResult, from_many_starts, value_and_jacobian
 from jshell.calibration.lengths import lengthened
 from jshell.calibration.losses import Problem, bases, gram_inverse, targets
 from jshell.calibration.parameters import Unknowns
@@ -37,7 +37,7 @@ def is_long(problem: Problem) -> bool:
     return problem.solver == "exact" and any(one.data.size >= LONG for one in problem.records)
 
 
-def minimise(space: Unknowns, joint: Joint, starts: np.ndarray) -> Ending:
+def minimise(space: Unknowns, joint: Joint, starts: np.ndarray) -> SolverResult:
     """Minimise from every start: by blocks where a record is long, else by a program that many lengths share."""
     if is_long(joint.problem):
         return _fit_long(space, joint, starts)
@@ -46,7 +46,7 @@ def minimise(space: Unknowns, joint: Joint, starts: np.ndarray) -> Ending:
     return from_many_starts(residual, (space, long), jnp.asarray(starts, dtype=float), *ends)
 
 
-def _fit_long(space: Unknowns, joint: Joint, starts: np.ndarray) -> Ending:
+def _fit_long(space: Unknowns, joint: Joint, starts: np.ndarray) -> SolverResult:
     """First over evenly chosen samples, then from where that ends over all of them."""
     low, high = jnp.asarray(space.low), jnp.asarray(space.high)
     thin = tuple(_thinned(one) for one in joint.problem.records)
@@ -59,7 +59,7 @@ def _fit_long(space: Unknowns, joint: Joint, starts: np.ndarray) -> Ending:
     kept = np.unique(leader)
     last = from_many_starts(condensed, (space, joint), jnp.asarray(begin[kept]), low, high, condensed=True)
     which = np.searchsorted(kept, leader)
-    return Ending(
+    return SolverResult(
         last.unknowns[which],
         last.cost[which],
         last.outcome[which],
@@ -163,7 +163,7 @@ def _look(own: jax.Array, linear: list[jax.Array], rows: tuple[jax.Array, jax.Ar
 def look_at_all(own: np.ndarray | jax.Array, lone: Joint, linear: list | None = None):
     """Linear parameters, the best unless given; residual, derivative by the parameters, bases of one trace.
 
-    As `solved` wants them: all rows, in the order channel by channel, but worked out block by block.
+    As `linearized` wants them: all rows, in the order channel by channel, but worked out block by block.
 
     Args:
         own: (parameters,) of the trace.

@@ -11,6 +11,9 @@ Source     Mokbel et al. 2021: eq:eqmovadimV, eq:eqmovadimS, eq:defw;
            Golub & Pereyra 1973 for the projection
 """
 
+import warnings
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -106,16 +109,20 @@ def targets(problem: Problem) -> list[Float[Array | np.ndarray, " data"]]:
 def projected(natural: Float[Array, " names"], problem: Problem) -> Float[Array, " data"]:
     """Weighted residual with the best linear parameters."""
     return jnp.concatenate(
-        [left_over(basis, data) for basis, data in zip(bases(natural, problem), targets(problem), strict=True)]
+        [linear_residual(basis, data) for basis, data in zip(bases(natural, problem), targets(problem), strict=True)]
     )
 
 
-def left_over(basis: Float[Array, "data linear"], data: Float[Array | np.ndarray, " data"]) -> Float[Array, " data"]:
+def linear_residual(
+    basis: Float[Array, "data linear"], data: Float[Array | np.ndarray, " data"]
+) -> Float[Array, " data"]:
     """What the best linear parameters leave, basis @ c - data."""
-    return basis @ best(basis, data) - data
+    return basis @ solve_linear(basis, data) - data
 
 
-def best(basis: Float[Array, "data linear"], data: Float[Array | np.ndarray, " data"]) -> Float[Array, " linear"]:
+def solve_linear(
+    basis: Float[Array, "data linear"], data: Float[Array | np.ndarray, " data"]
+) -> Float[Array, " linear"]:
     """The best linear parameters.
 
     The inverse of the Gram matrix counts as a constant: every pass of refinement with it gives one more
@@ -168,7 +175,7 @@ def best_linear(natural: Float[Array | np.ndarray, " names"], problem: Problem) 
 @eqx.filter_jit
 def _best_linear(natural: np.ndarray | jax.Array, problem: Problem) -> list[jax.Array]:
     rows = zip(bases(jnp.asarray(natural), problem), targets(problem), strict=True)
-    return [best(basis, data) for basis, data in rows]
+    return [solve_linear(basis, data) for basis, data in rows]
 
 
 def linear_names(problem: Problem) -> list[str]:
@@ -229,3 +236,15 @@ def _modal_basis(constants: jax.Array, tau: jax.Array, record: Record) -> Float[
     slow, fast = frequency[0] * t, frequency[1] * t
     waves = [jnp.ones_like(t), decay * jnp.cos(slow), decay * jnp.sin(slow), decay * jnp.cos(fast)]
     return jnp.stack([*waves, decay * jnp.sin(fast)], axis=1)
+
+
+_RENAMED = {"left_over": linear_residual, "best": solve_linear}
+
+
+def __getattr__(name: str) -> Any:
+    """Names of the release before."""
+    if name in _RENAMED:
+        found = _RENAMED[name]
+        warnings.warn(f"`{name}` is called `{found.__name__}` now", DeprecationWarning, stacklevel=2)
+        return found
+    raise AttributeError(name)

@@ -29,7 +29,7 @@ from jshell.calibration.frequency_model import (
     weighted,
 )
 from jshell.calibration.frequency_table import Frequencies, Prepared, prepare
-from jshell.calibration.least_squares import Ending, best_of, from_many_starts, value_and_jacobian
+from jshell.calibration.least_squares import SolverResult, best_of, from_many_starts, value_and_jacobian
 from jshell.calibration.objective import Objective
 from jshell.calibration.options import FitOptions, choices_of
 from jshell.calibration.parameters import Unknowns
@@ -82,14 +82,11 @@ def fit_frequencies(
 
     first = start_from_data(rows, fix)
     natural = scatter(first, starts, seed)
-    measured = int(np.isfinite(rows.omega).sum())
-    if measured == 0:
+    if not np.isfinite(rows.omega).any():
         raise BadValue("table", found="no usable frequency", expected="at least one", remedy="Check the columns.")
     args = (space, rows, weighting)
     ending = from_many_starts(table_residual, args, jnp.asarray(space.seen(natural)), *_limits(space))
-    power = 2 if weighting == "V_e omega" else 4
-    unit = V_size(rows) ** power
-    found = _result(ready, space, weighting, ending, natural, measured, unit, [str(w.message) for w in caught])
+    found = _result(ready, space, weighting, ending, natural, [str(w.message) for w in caught])
     return dataclasses.replace(found, specification=given, versions=versions())
 
 
@@ -118,14 +115,13 @@ def _result(
     ready: Prepared,
     space: Unknowns,
     weighting: str,
-    ending: Ending,
+    ending: SolverResult,
     natural: np.ndarray,
-    measured: int,
-    size: float,
     caught: list[str],
 ) -> FitResult:
     rows = ready.rows
-    best, same = best_of(ending, size)
+    measured = int(np.isfinite(rows.omega).sum())
+    best, same = best_of(ending, V_size(rows) ** (2 if weighting == "V_e omega" else 4))
     values = np.asarray(space.natural(ending.unknowns[best]))
     shown, begin = space.reported(values), space.reported(natural[best])
 

@@ -1,8 +1,8 @@
 """Whether the model describes the records, and which of its modes they hold.
 
 A misfit is motion that the model lacks: more is left than noise explains, or
-what is left turns at one frequency or fades as a motion does. Noise that merely
-remembers its past is told apart: its memory explains all of it.
+what is left turns at one frequency or fades as a motion does. Noise that is merely
+autocorrelated is told apart: its φ explains all of it.
 
 Symbols    r weighted residual   φ memory of the noise
 """

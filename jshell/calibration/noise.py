@@ -1,12 +1,12 @@
-"""What a fit leaves: white noise, noise that remembers, or motion that the model lacks.
+"""What a fit leaves: white noise, autocorrelated noise, or motion that the model lacks.
 
 Errors of a fit assume that what is left is noise whose samples know nothing of
-each other. Here that is tested, and where it fails an error that remembers its
-past, e_k = φ e_{k-1} + fresh, is estimated by restricted likelihood, which does
+each other. Here that is tested, and where it fails autocorrelated (AR(1)) noise,
+e_k = φ e_{k-1} + fresh, is estimated by restricted likelihood, which does
 not mistake the directions that the fit has already used up for a short memory.
 
 Symbols    e standardised residual   φ memory from sample to sample   J = ∂r/∂p
-Valid for  samples in time order; a gap of m steps remembers φ^m
+Valid for  samples in time order; over a gap of m steps φ is φ^m
 Source     Wald & Wolfowitz 1940 (runs); Fisher 1929 (the largest peak of a periodogram); Mann & Whitney 1947;
            Patterson & Thompson 1971 (restricted likelihood)
 """
@@ -65,7 +65,7 @@ class Noise:
         """One line of a report."""
         kind = "taken as white" if self.correlated else "white"
         if self.memory:
-            kind = f"remembers, φ = {self.memory:.3f}: {self.effective:.0f} samples' worth"
+            kind = f"autocorrelated, φ = {self.memory:.3f}: {self.effective:.0f} samples' worth"
         return f"{self.channel}: lag-1 {self.lag1:+.3f} ({self.lag1_z:+.1f} σ), runs {self.runs_z:+.1f} σ; {kind}"
 
 
@@ -148,7 +148,7 @@ def remembered(phi: float, steps: np.ndarray) -> np.ndarray:
 def estimate_memory(left: np.ndarray, jacobian: np.ndarray, steps: np.ndarray) -> float:
     """φ of greatest restricted likelihood.
 
-    The residual of a fit remembers less than its noise, since the fit follows
+    The residual of a fit is less autocorrelated than its noise, since the fit follows
     the slow part; the restricted likelihood allows for it.
 
     Args:

@@ -16,7 +16,7 @@ import numpy as np
 
 from jshell.calibration import joint as joints
 from jshell.calibration.joint import Joint
-from jshell.calibration.least_squares import Ending, from_many_starts
+from jshell.calibration.least_squares import SolverResult, from_many_starts
 from jshell.calibration.parameters import Unknowns
 
 
@@ -103,7 +103,9 @@ class Objective(eqx.Module):
         """Free parameters as reported, from what the solver sees; (..., free)."""
         return self.space.shown(u)
 
-    def minimise(self, starts: np.ndarray, low: np.ndarray | None = None, high: np.ndarray | None = None) -> Ending:
+    def minimise(
+        self, starts: np.ndarray, low: np.ndarray | None = None, high: np.ndarray | None = None
+    ) -> SolverResult:
         """Minimise again from other places or within other bounds; the same compiled program for all."""
         least = np.asarray(self.space.low if low is None else low)
         most = np.asarray(self.space.high if high is None else high)

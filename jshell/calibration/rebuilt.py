@@ -2,13 +2,13 @@
 
 import numpy as np
 
+from jshell.calibration.ar1 import with_memory
 from jshell.calibration.frequency_model import parameters_of_table, table_residual
 from jshell.calibration.frequency_table import prepare
 from jshell.calibration.objective import Objective
 from jshell.calibration.options import FitOptions
 from jshell.calibration.parameters import Unknowns
 from jshell.calibration.problem import problem_of
-from jshell.calibration.remembering import with_memory
 from jshell.calibration.result import Fit
 from jshell.calibration.robust import reweighed
 from jshell.errors import BadValue

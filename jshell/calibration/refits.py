@@ -1,12 +1,12 @@
 """Refits of data drawn again about a fit: the bootstrap.
 
 The fitted curve stays; noise is drawn anew and the constants are fitted again,
-from the minimum, many at a time. Noise that remembers keeps its memory: what is
+from the minimum, many at a time. Autocorrelated noise stays so: what is
 drawn is its fresh part. Where a table of frequencies was fitted, its shells are
 drawn instead, see `bootstrap_frequencies`.
 
 Symbols    e residual over its σ   φ memory of the noise   N data   k parameters
-Source     Efron 1979; of noise that remembers: Freedman 1984
+Source     Efron 1979; of autocorrelated noise: Freedman 1984
 """
 
 from collections.abc import Callable
@@ -157,7 +157,7 @@ def _left(objective: Objective) -> list[np.ndarray]:
 
 
 def coloured(fresh: np.ndarray, memory: np.ndarray | None) -> np.ndarray:
-    """Noise (channels, times) that remembers, from its fresh part: the inverse of `noise.whiten`."""
+    """Autocorrelated noise (channels, times), from its fresh part: the inverse of `noise.whiten`."""
     if memory is None:
         return fresh
     e = np.array(fresh)

@@ -26,7 +26,7 @@ class FitResult(Fit):
     """
 
     def __eq__(self, other: object) -> bool:
-        from jshell.calibration.stored import stored
+        from jshell.calibration.serialization import stored
 
         return isinstance(other, FitResult) and stored(self) == stored(other)
 
@@ -38,7 +38,7 @@ class FitResult(Fit):
         Raises:
             BadFile: Nothing can be written there.
         """
-        from jshell.calibration.stored import save
+        from jshell.calibration.serialization import save
 
         return save(self, path)
 
@@ -48,7 +48,7 @@ class FitResult(Fit):
         Raises:
             MissingExtra: Without the extra `io`.
         """
-        from jshell.calibration.stored import export
+        from jshell.calibration.serialization import export
 
         return export(self, path)
 
@@ -82,19 +82,19 @@ class FitResult(Fit):
 
     def to_lmfit(self):
         """The same problem for lmfit: a Minimizer whose parameters start at this minimum."""
-        from jshell.calibration.bridges import to_lmfit
+        from jshell.calibration.interop import to_lmfit
 
         return to_lmfit(self)
 
     def to_minuit(self):
         """The same problem for iminuit: a Minuit at this minimum, with gradient."""
-        from jshell.calibration.bridges import to_minuit
+        from jshell.calibration.interop import to_minuit
 
         return to_minuit(self)
 
     def record(self) -> dict:
         """The result as a JSON object; missing numbers are null."""
-        from jshell.calibration.pages import record
+        from jshell.calibration.rendering import record
 
         return record(self)
 
@@ -105,7 +105,7 @@ class FitResult(Fit):
             nuisance: Also list what belongs to single traces.
             smallest_correlation: Correlations below are not listed.
         """
-        from jshell.calibration.pages import text
+        from jshell.calibration.rendering import text
 
         return text(self, nuisance=nuisance, smallest_correlation=smallest_correlation)
 
@@ -114,7 +114,7 @@ class FitResult(Fit):
 
     def _repr_html_(self) -> str:
         """The report for notebooks."""
-        from jshell.calibration.pages import page
+        from jshell.calibration.rendering import page
 
         return page(self)
 

@@ -103,7 +103,7 @@ class Fit:
         return known[name]
 
     def interval(self, name: str, level: float | int = 0.95) -> tuple[float, float]:
-        """Value ± error times Student's factor; where noise remembers, for the samples of white noise it is worth.
+        """Value ± error times Student's factor, that of the white noise which autocorrelated noise is worth.
 
         Args:
             name: Of an estimate.

@@ -15,11 +15,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from jshell.calibration.joint import Joint
-from jshell.calibration.least_squares import Ending, best_of
+from jshell.calibration.least_squares import SolverResult, best_of
+from jshell.calibration.linearization import best_linear_of, linearized
 from jshell.calibration.long_records import minimise
 from jshell.calibration.misfit import rows_of
 from jshell.calibration.parameters import Unknowns
-from jshell.calibration.solved import best_linear_of, solved
 from jshell.errors import Outcome
 
 TUNING = {"huber": 1.345, "cauchy": 2.385}
@@ -48,7 +48,7 @@ class Robust:
     joint: Joint
 
 
-def reweigh(kind: str, joint: Joint, space: Unknowns, ending: Ending) -> tuple[Ending, Robust]:
+def reweigh(kind: str, joint: Joint, space: Unknowns, ending: SolverResult) -> tuple[SolverResult, Robust]:
     """Weights that settle, from the minimum of least squares; every channel has a scale of its own."""
     best, _ = best_of(ending, 0.0)
     u, moving = np.asarray(ending.unknowns[best]), joint
@@ -59,7 +59,7 @@ def reweigh(kind: str, joint: Joint, space: Unknowns, ending: Ending) -> tuple[E
         """Linear parameters, and the residual with the data's own weights."""
         values = np.asarray(space.natural(jnp.asarray(u)))
         linear = best_linear_of(values, moving)
-        return linear, solved(values, joint, space, linear).residual
+        return linear, linearized(values, joint, space, linear).residual
 
     ended = jnp.asarray(int(Outcome.NOT_CONVERGED))
     for _ in range(MOST_ROUNDS):

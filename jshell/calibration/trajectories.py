@@ -10,6 +10,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from jshell.calibration.diagnostics import trace_result
 from jshell.calibration.long_records import minimise
 from jshell.calibration.losses import Problem
 from jshell.calibration.options import OPTIONS, FitOptions, tie_in_words
@@ -19,7 +20,6 @@ from jshell.calibration.records import chosen_channels, windowed
 from jshell.calibration.report import FitResult, FitWarning
 from jshell.calibration.robust import reweigh
 from jshell.calibration.starts import starts_of_fit
-from jshell.calibration.verdict import trace_result
 from jshell.calibration.versions import versions
 from jshell.errors import BadName
 from jshell.trace import Trace
@@ -66,7 +66,7 @@ def fit_trajectories(
             `outer_pressure`, `viscosity`), with their relative standard error, or None where nothing is known.
         priors: What is known of parameters beforehand.
         robust: `huber` or `cauchy` instead of least squares.
-        noise: `auto` tests the residual and lets the noise remember its past where it does; `white` does not.
+        noise: `auto` tests the residual and takes the noise as autocorrelated where it is; `white` does not.
         channels: Those to read; None reads all that the traces share.
         start: First time read, in the traces' own time; by default a record that holds a snap is read from
             five units after its dip on, any other whole.
@@ -104,10 +104,9 @@ def fit_trajectories(
     ending, found = minimise(space, joint, space.seen(begin)), None
     if asked.robust is not None:
         ending, found = reweigh(asked.robust, joint, space, ending)
-    absolute = all(name in trace.sigma for trace in cut for name in names)
-    result = trace_result(joint, space, ending, begin, cut, absolute, texts, noise=asked.noise, robust=found)
+    result = trace_result(joint, space, ending, begin, cut, noise=asked.noise, robust=found)
     told = asked.changed(tie=tie_in_words(asked.tie))
-    result = dataclasses.replace(result, specification=told, versions=versions())
+    result = dataclasses.replace(result, warnings=(*texts, *result.warnings), specification=told, versions=versions())
     for text in result.warnings:
         warnings.warn(text, FitWarning, stacklevel=2)
     return result

@@ -18,7 +18,7 @@ from urllib.parse import quote
 import jshell.errors
 from jshell import io
 from jshell.calibration import BatchResult, FitResult, Recordings, load
-from jshell.calibration.recordings import gathered
+from jshell.calibration.recordings import stacked
 from jshell.dynamics import Mode
 from jshell.errors import BadValue, JshellError, MissingExtra, NotOk
 from jshell.service import batches, parts, sending
@@ -223,7 +223,7 @@ class Client:
         """
         if isinstance(traces, str | Path):
             return self._submit_batch(Path(traces).name, sending.content(Path(traces)), key, options)
-        records = traces if isinstance(traces, Recordings) else gathered(list(traces))
+        records = traces if isinstance(traces, Recordings) else stacked(list(traces))
         return self._submit_batch("batch.npz", batches.pack(records), key, options)
 
     def _submit_batch(self, name: str, content: bytes, key: str | None, options: Mapping[str, Any]) -> Job:

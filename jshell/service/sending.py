@@ -9,7 +9,7 @@ from typing import Any
 from jshell import io
 from jshell.calibration import Recordings
 from jshell.calibration.options import OPTIONS, FitOptions, check_names
-from jshell.calibration.recordings import gathered
+from jshell.calibration.recordings import stacked
 from jshell.errors import BadValue
 from jshell.io.files import check_file
 from jshell.service import archives, batches
@@ -86,7 +86,7 @@ def whole(traces: Recordings | Sequence[Trace] | str | Path) -> Whole:
     if isinstance(traces, Recordings):
         return traces
     if not isinstance(traces, str | Path):
-        return gathered(list(traces))
+        return stacked(list(traces))
     name, found = Path(traces).name, content(Path(traces))
     if name.lower().endswith(".zip"):
         return archives.files(name, found)

@@ -23,7 +23,7 @@ import numpy as np
 
 from jshell import calibration, dynamics, io, oscillator
 from jshell.calibration.options import OPTIONS, FitOptions, check_names
-from jshell.calibration.stored import stored
+from jshell.calibration.serialization import stored
 from jshell.errors import BadName, BadValue, JshellError, LimitReached
 from jshell.io.formats import FORMATS
 from jshell.io.records import plain, write_record

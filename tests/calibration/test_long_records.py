@@ -8,9 +8,9 @@ import pytest
 from jshell.calibration import Prior, fit_trajectories, long_records, prepare
 from jshell.calibration.joint import join, residual
 from jshell.calibration.least_squares import value_and_jacobian
+from jshell.calibration.linearization import linearized
 from jshell.calibration.long_records import condensed, look_at_all
 from jshell.calibration.parameters import unknowns
-from jshell.calibration.solved import solved
 from jshell.errors import Outcome
 from jshell.oscillator import random_shell, random_trace
 
@@ -39,7 +39,7 @@ def test_blocks_give_the_residual_the_gradient_and_the_jacobian_of_all_rows(loss
     p = [c.alpha1, 1.02 * c.alpha2, c.k_vs, c.beta1] if loss == "strict" else [c.alpha1, c.alpha2, 1.1 * c.k_vs**2, tau]
     p, joint = np.array(p, dtype=float), join(problem)
     space = unknowns(problem.names, frozenset({"alpha1", "alpha2"}))
-    whole = solved(p, joint, space)
+    whole = linearized(p, joint, space)
     _, r, J, plain = look_at_all(p, joint.alone(0))
     # both find the linear parameters to rounding times the basis's condition
     np.testing.assert_allclose(r, whole.residual, atol=1e-7)

@@ -18,19 +18,19 @@ from jshell.calibration.advice import (
     remedy,
     sign_of_coupling,
 )
+from jshell.calibration.ar1 import examined, fit_ar1, power
 from jshell.calibration.estimate import Estimate, starts_of
 from jshell.calibration.joint import Joint
-from jshell.calibration.least_squares import Ending, best_of, value_and_jacobian
+from jshell.calibration.least_squares import SolverResult, best_of, value_and_jacobian
 from jshell.calibration.lengths import without_data
+from jshell.calibration.linearization import Linearization, linearized, whitened
 from jshell.calibration.losses import linear_names, pulsations, targets
 from jshell.calibration.misfit import misfits, silent_directions, snaps
 from jshell.calibration.noise import taken_as_white
 from jshell.calibration.objective import Objective
 from jshell.calibration.parameters import Unknowns
-from jshell.calibration.remembering import examined, power, remembering
 from jshell.calibration.report import FitResult
 from jshell.calibration.robust import Robust
-from jshell.calibration.solved import Solved, solved, whitened
 from jshell.calibration.uncertainty import Uncertainty, in_words, loose_directions, propagate, uncertainty
 from jshell.errors import Outcome
 from jshell.trace import Trace
@@ -39,11 +39,9 @@ from jshell.trace import Trace
 def trace_result(
     joint: Joint,
     space: Unknowns,
-    ending: Ending,
+    ending: SolverResult,
     natural: np.ndarray,
     cut: list[Trace],
-    absolute: bool,
-    texts: list[str],
     *,
     noise: str = "auto",
     robust: Robust | None = None,
@@ -56,23 +54,24 @@ def trace_result(
         ending: Of the solver.
         natural: (starts, names) where it began.
         cut: The traces inside the window.
-        absolute: Whether their errors were given.
-        texts: Warnings so far.
-        noise: `auto` tests the residual and lets noise remember where it does; `white` takes it as white.
+        noise: `auto` tests the residual and takes noise as autocorrelated where it is; `white` takes it as white.
         robust: What a robust loss gave, where there was one.
     """
     problem = joint.problem
+    absolute = all(
+        name in trace.sigma for trace, one in zip(cut, problem.records, strict=True) for name in one.channels
+    )
     size = float(sum(np.sum((np.asarray(block) - np.mean(block)) ** 2) for block in targets(problem)))
     best, same = best_of(ending, size)
     values = np.array(space.natural(np.asarray(ending.unknowns)[best]))
-    found = solved(values, joint, space, None if robust is None else robust.linear)
+    found = linearized(values, joint, space, None if robust is None else robust.linear)
     noises = examined(joint, found)
     notes = [f"rest states: {', '.join(f'V = {float(one.state.volume):.5g}' for one in problem.records)}"]
     outcome = Outcome(int(np.asarray(ending.outcome)[best]))
     if noise == "auto" and robust is None and any(one.memory > 0 for one in noises):
-        joint, moved = remembering(joint, found, noises, space, free_to_move=outcome == Outcome.OK)
+        joint, moved = fit_ar1(joint, found, noises, space, free_to_move=outcome == Outcome.OK)
         notes.append(
-            "the residual is not white: noise is taken to remember its past, e_k = φ e_{k-1} + fresh"
+            "the residual is not white: the noise is taken as autocorrelated, e_k = φ e_{k-1} + fresh"
             + (", and the constants are those of that noise" if moved is not found else "")
         )
         found = moved
@@ -107,7 +106,7 @@ def trace_result(
                 directions.append(remedy(problem, cut, quiet))
     if directions and outcome in (Outcome.OK, Outcome.AT_BOUND):
         outcome = Outcome.RANK_DEFICIENT
-    texts = [*texts, *snaps(cut), *misfits(joint, r, cut, noises, robust is not None)]
+    texts = [*snaps(cut), *misfits(joint, r, cut, noises, robust is not None)]
     if joint.memory is None:
         texts += [f"what is left of {one.words()}: errors that take it as white are too small" for one in noises
                   if one.memory > 0]  # fmt: skip
@@ -170,7 +169,7 @@ def trace_result(
 
 
 def _errors(
-    joint: Joint, space: Unknowns, found: Solved, absolute: bool, robust: Robust | None
+    joint: Joint, space: Unknowns, found: Linearization, absolute: bool, robust: Robust | None
 ) -> tuple[np.ndarray, Uncertainty]:
     """Constants as shown, errors of constants and linear parameters together."""
     r, J = whitened(joint, found)

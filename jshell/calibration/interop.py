@@ -14,10 +14,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from jshell.calibration.joint import Joint
+from jshell.calibration.linearization import linearized, whitened
 from jshell.calibration.objective import Objective, evaluate
 from jshell.calibration.rebuilt import objective_of
 from jshell.calibration.result import Fit
-from jshell.calibration.solved import solved, whitened
 from jshell.errors import MissingExtra
 
 
@@ -58,7 +58,7 @@ def to_lmfit(result: Fit) -> Any:
         return lmfit.Minimizer(function, parameters, scale_covar=not objective.absolute)
 
     space, joint = objective.args
-    linear = solved(np.asarray(objective.values), joint, space).linear
+    linear = linearized(np.asarray(objective.values), joint, space).linear
     flat = np.concatenate(linear)
     more = [f"linear_{i}" for i in range(flat.size)]
     for name, value in zip(more, flat, strict=True):
@@ -69,7 +69,7 @@ def to_lmfit(result: Fit) -> Any:
         """Residual and Jacobian, by the parameters as lmfit has them."""
         values = _values(objective, np.array([p[name].value for name in names]))
         parts = np.split(np.array([p[name].value for name in more]), cuts)
-        r, J = whitened(joint, solved(values, joint, space, parts))
+        r, J = whitened(joint, linearized(values, joint, space, parts))
         for j, inner in enumerate(space.free):
             J[:, j] *= 2 * p[names[j]].value if inner in space.squared else 1.0
         return r, J

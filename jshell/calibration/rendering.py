@@ -60,7 +60,7 @@ def text(result: Fit, *, nuisance: bool = False, smallest_correlation: float = 0
     """
     scaled = "given σ, absolute" if result.absolute else "no σ given, scaled by reduced χ²"
     if any(one.memory for one in result.noise):
-        scaled += "; noise that remembers"
+        scaled += "; autocorrelated noise"
     lines = [
         f"[[{result.title}]]",
         f"    outcome             {result.outcome.word}: {result.outcome.advice}",
