@@ -18,11 +18,12 @@ import jax.numpy as jnp
 import numpy as np
 
 import jshell as js
-from jshell.calibration.least_squares import Ending, levenberg_marquardt
+from jshell.calibration.diagnostics import trace_result
+from jshell.calibration.joint import join
+from jshell.calibration.least_squares import SolverResult, levenberg_marquardt
 from jshell.calibration.losses import Problem, residual
 from jshell.calibration.parameters import Unknowns, unknowns
 from jshell.calibration.records import record
-from jshell.calibration.verdict import trace_result
 
 NAMES = ("alpha1", "alpha2", "k_vs", "beta1")
 SHELL = js.oscillator.random_shell(0)
@@ -63,7 +64,7 @@ def coverage(memory: float, replicates: int, noise: str = "auto") -> tuple[np.nd
             if at + k >= replicates:
                 break
             one = jax.tree.map(operator.itemgetter(slice(k, k + 1)), endings)
-            found = trace_result(problem, space, one, true[None], [trace], False, [], noise=noise)
+            found = trace_result(join(problem), space, one, true[None], [trace], noise=noise)
             lost += found.outcome != js.Outcome.OK
             limits = np.array([found.interval(name) for name in NAMES])
             held += (limits[:, 0] < true) & (true < limits[:, 1])
@@ -71,7 +72,7 @@ def coverage(memory: float, replicates: int, noise: str = "auto") -> tuple[np.nd
 
 
 @eqx.filter_jit
-def fits(space: Unknowns, problems: Problem, start: jax.Array) -> Ending:
+def fits(space: Unknowns, problems: Problem, start: jax.Array) -> SolverResult:
     """One fit for each problem, from one start."""
     free = jnp.full(start.shape, jnp.inf)
     one = lambda problem: levenberg_marquardt(lambda u: residual(u, (space, problem)), start, -free, free)  # noqa: E731

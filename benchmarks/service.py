@@ -20,7 +20,7 @@ import numpy as np
 
 from jshell import io
 from jshell.calibration import Recordings, fit_batch
-from jshell.calibration.recordings import gathered
+from jshell.calibration.recordings import stacked
 from jshell.oscillator import random_shell, random_trace
 from jshell.service import batches, tasks
 from jshell.service.settings import Settings
@@ -141,7 +141,7 @@ def wait(store: Store, jobs: Sequence[str]) -> None:
 
 def many(count: int) -> Recordings:
     """Traces of random shells as arrays."""
-    return gathered([random_trace(random_shell(seed), seed) for seed in range(count)])
+    return stacked([random_trace(random_shell(seed), seed) for seed in range(count)])
 
 
 def batch_rate(records: Recordings) -> float:

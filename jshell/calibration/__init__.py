@@ -7,19 +7,20 @@ from jshell.calibration.bootstrap import Bootstrap, bootstrap_frequencies
 from jshell.calibration.compare import Comparison, compare
 from jshell.calibration.estimate import Estimate, Start
 from jshell.calibration.inverse import fit_conditions
+from jshell.calibration.loaded import load
 from jshell.calibration.losses import trace_loss
 from jshell.calibration.master_curve import fit_frequencies
 from jshell.calibration.nonlinear import NonlinearFits, fit_nonlinear
+from jshell.calibration.options import FitOptions
 from jshell.calibration.parameters import Prior
 from jshell.calibration.recordings import Recordings
 from jshell.calibration.refits import Refits
 from jshell.calibration.report import FitResult, FitWarning
-from jshell.calibration.stored import load
 from jshell.calibration.trajectories import fit_trajectories, prepare
 
 __all__ = [
-    "BatchResult", "Bootstrap", "Comparison", "Estimate", "FitResult", "FitWarning", "NonlinearFits", "Prior",
-    "Recordings", "Refits", "Start", "bootstrap_frequencies", "campaign", "compare", "fit_batch", "fit_conditions",
-    "fit_frequencies", "fit_nonlinear", "fit_trajectories", "least_squares", "load", "losses", "master_curve",
-    "prepare", "trace_loss", "trajectories", "uncertainty",
+    "BatchResult", "Bootstrap", "Comparison", "Estimate", "FitOptions", "FitResult", "FitWarning", "NonlinearFits",
+    "Prior", "Recordings", "Refits", "Start", "bootstrap_frequencies", "campaign", "compare", "fit_batch",
+    "fit_conditions", "fit_frequencies", "fit_nonlinear", "fit_trajectories", "least_squares", "load", "losses",
+    "master_curve", "prepare", "trace_loss", "trajectories", "uncertainty",
 ]  # fmt: skip

@@ -4,23 +4,18 @@ import jax.numpy as jnp
 import numpy as np
 
 from jshell.calibration.estimate import Estimate
+from jshell.calibration.frequency_model import square_only
 from jshell.calibration.joint import Joint
-from jshell.calibration.least_squares import Ending
+from jshell.calibration.least_squares import SolverResult
+from jshell.calibration.linearization import Linearization
 from jshell.calibration.losses import Problem
-from jshell.calibration.master_curve import SQUARE_ONLY
 from jshell.calibration.misfit import HEARD, mode_powers
 from jshell.calibration.noise import Noise
 from jshell.calibration.parameters import Unknowns
 from jshell.calibration.robust import Robust
-from jshell.calibration.solved import Solved
 from jshell.calibration.uncertainty import in_words
 from jshell.errors import Outcome
 from jshell.trace import Trace
-
-
-def shown_name(name: str) -> str:
-    """The name in a report: k_vs for its square, which the solver sees."""
-    return name.replace("k_vs_squared", "k_vs")
 
 
 def moves(direction: np.ndarray, varied: tuple[str, ...]) -> bool:
@@ -50,7 +45,7 @@ def remedy(problem: Problem, cut: list[Trace], quiet: list[str]) -> str:
 
 
 def quiet_modes(
-    joint: Joint, found: Solved, reduced: float, absolute: bool, noises: list[Noise]
+    joint: Joint, found: Linearization, reduced: float, absolute: bool, noises: list[Noise]
 ) -> tuple[list[str], int]:
     """Modes that no trace holds, in words, and the louder of the two."""
     total, at = np.zeros(2), 0
@@ -68,10 +63,10 @@ def quiet_modes(
     return texts, int(np.argmax(total))
 
 
-def sign_of_coupling(problem: Problem, estimates: list[Estimate]) -> list[str]:
+def sign_of_coupling(problem: Problem, space: Unknowns, estimates: list[Estimate]) -> list[str]:
     """What is to be said of the sign of k_VS."""
     if problem.loss == "modal":
-        return [SQUARE_ONLY]
+        return [square_only(space)]
     return [
         f"the sign of {e.name} is open: {e.value:+.3g} is {abs(e.value / e.stderr):.1f} standard errors from 0"
         for e in estimates
@@ -79,7 +74,7 @@ def sign_of_coupling(problem: Problem, estimates: list[Estimate]) -> list[str]:
     ]
 
 
-def other_minima(ending: Ending, space: Unknowns, same: np.ndarray) -> list[str]:
+def other_minima(ending: SolverResult, space: Unknowns, same: np.ndarray) -> list[str]:
     """Minima above the best one in which starts ended."""
     cost, outcome = np.asarray(ending.cost), np.asarray(ending.outcome)
     ended = ((outcome == Outcome.OK) | (outcome == Outcome.AT_BOUND)) & ~same & np.isfinite(cost)
@@ -89,11 +84,11 @@ def other_minima(ending: Ending, space: Unknowns, same: np.ndarray) -> list[str]
         alike = ended & (np.abs(cost - cost[first]) <= 1e-4 * cost[first])
         values = np.asarray(space.natural(np.asarray(ending.unknowns)[first]))
         told = ", ".join(
-            f"{shown_name(name)} = {np.sqrt(max(v, 0)) if name.startswith('k_vs_squared') else v:.4g}"
-            for name, v in zip(space.names, values, strict=True)
+            f"{name} = {v:.4g}"
+            for name, v in zip(space.names, space.reported(values), strict=True)
             if name in space.free
         )
-        where = " at k_VS = 0" if "k_vs_squared" in space.free and "k_vs = 0," in told + "," else ""
+        where = " at k_VS = 0" if "k_vs" in space.squared and "k_vs = 0," in told + "," else ""
         times = f"{cost[first] / lowest:.4g} times" if lowest > 0 else f"{cost[first]:.3g} against 0, not"
         texts.append(f"{alike.sum()} starts ended in another minimum{where}, {times} the lowest χ²: {told}")
         ended &= ~alike
@@ -109,7 +104,7 @@ def method_notes(
     if not absolute:
         notes.append("each channel is weighed by its own noise, estimated from sixth differences")
     if len(joint.prior_at):
-        names = ", ".join(shown_name(joint.names[i]) for i in joint.prior_at)
+        names = ", ".join(joint.names[i] for i in joint.prior_at)
         notes.append(f"priors are held for {names}; their rows are not scaled and not counted as data")
     if robust is not None:
         light = sum(int(np.sum(weights < 0.5)) for weights in robust.weights)

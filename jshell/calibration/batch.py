@@ -19,9 +19,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from jshell.calibration import batch_diffrax
-from jshell.calibration.batch_kernel import Found, Raw, solve_blocks
+from jshell.calibration.batch_kernel import BlockInput, LaneResult, solve_blocks
 from jshell.calibration.batch_result import BatchResult, read
-from jshell.calibration.recordings import Bucket, Recordings, gathered, rest_states, sorted_out
+from jshell.calibration.noise import MISFIT
+from jshell.calibration.recordings import Bucket, Recordings, bucketed, rest_states, stacked
 from jshell.calibration.records import EQUILIBRIA
 from jshell.calibration.starts import find_modes, strict_start
 from jshell.errors import BadName, BadValue
@@ -32,7 +33,6 @@ from jshell.trace import Trace
 
 NAMES = ("alpha1", "alpha2", "k_vs", "tau")
 ROUNDS = 12  # of seven steps
-MISFIT = 2.25  # reduced χ² from which a record is tried again
 HOPELESS = 256  # more records than this in one call get no single care
 WIDEST = ((0.02, 500.0), (0.02, 500.0), (-np.inf, np.inf), (1e-3, 1e4))
 _solve = eqx.filter_jit(solve_blocks)
@@ -86,7 +86,7 @@ def fit_batch(
             raise BadName(
                 f"{place} {value!r}", found="no such choice", expected=" or ".join(known), remedy="Choose one."
             )
-    records = traces if isinstance(traces, Recordings) else gathered(list(traces)) if len(traces) else None
+    records = traces if isinstance(traces, Recordings) else stacked(list(traces)) if len(traces) else None
     if records is None:
         raise BadValue("traces", found="none", expected="at least one trace", remedy="Give a trace.")
     low, high, fixed = _limits(fix or {}, bounds or {})
@@ -101,7 +101,7 @@ class _Batch:
     """A batch under way: the best of what was found for every record so far.
 
     Attributes:
-        found: Fields of `Found`, (…, rows).
+        found: Fields of `LaneResult`, (…, rows).
         tried: Starts of each record.
         ends: Costs of all starts of the records tried again, inf where a start did not come to rest.
     """
@@ -118,7 +118,7 @@ class _Batch:
         self.records, self.low, self.high, self.progress = records, low, high, progress
         self.solve = _solve if solver == "exact" else batch_diffrax.solve
         self.rows = np.shape(records.values)[0]
-        self.buckets, self.unusable = sorted_out(records)
+        self.buckets, self.unusable = bucketed(records)
         if solver == "diffrax" and any(bucket.elapsed is not None for bucket in self.buckets):
             raise BadValue(
                 "traces", found="uneven or missing samples", expected="even ones for diffrax", remedy="Use exact."
@@ -132,7 +132,7 @@ class _Batch:
         self.tried, self.agreeing = np.ones(self.rows, int), np.ones(self.rows, int)
         self.counts = np.zeros(self.rows, int)
         self.ends: dict[int, list[float]] = {}
-        self.found: Found | None = None
+        self.found: LaneResult | None = None
         self.done = 0
 
     def fit_all(self) -> None:
@@ -142,20 +142,20 @@ class _Batch:
             blank = np.full((4, bucket.rows.size), np.nan)
             found = self.lanes(bucket, np.arange(bucket.rows.size), blank, tell=True)
             if self.found is None:
-                self.found = Found(*(np.zeros((*part.shape[:-1], self.rows), part.dtype) for part in found))
+                self.found = LaneResult(*(np.zeros((*part.shape[:-1], self.rows), part.dtype) for part in found))
             for whole, part in zip(self.found, found, strict=True):
                 whole[..., bucket.rows] = part
 
-    def lanes(self, bucket: Bucket, chosen: np.ndarray, starts: np.ndarray, *, tell: bool = False) -> Found:
+    def lanes(self, bucket: Bucket, chosen: np.ndarray, starts: np.ndarray, *, tell: bool = False) -> LaneResult:
         """Fit chosen records of a bucket, (4, chosen) starts, until all rest or rounds are out."""
-        found = Found(*(np.array(part) for part in self._round(bucket, chosen, starts, tell)))
+        found = LaneResult(*(np.array(part) for part in self._round(bucket, chosen, starts, tell)))
         for _ in range(ROUNDS - 1):
             left = np.flatnonzero((found.status == RUNNING) & ~self._hopeless(bucket, chosen))
             if not left.size:
                 break
             more = self._round(bucket, chosen[left], found.unknowns[:, left], False)
             steps = found.steps[left]
-            for field, whole, part in zip(Found._fields, found, more, strict=True):
+            for field, whole, part in zip(LaneResult._fields, found, more, strict=True):
                 if field not in ("start", "heard"):
                     whole[..., left] = part
             found.steps[left] += steps
@@ -165,7 +165,7 @@ class _Batch:
         rows = bucket.rows[chosen]
         return self.unusable[rows] | ~self.buckled[rows]
 
-    def _round(self, bucket: Bucket, chosen: np.ndarray, starts: np.ndarray, tell: bool) -> Found:
+    def _round(self, bucket: Bucket, chosen: np.ndarray, starts: np.ndarray, tell: bool) -> LaneResult:
         """Seven steps of chosen records, block by block."""
         size, length = bucket.lanes, bucket.values.shape[2]
         padded = -(-length // 16) * 16
@@ -186,7 +186,7 @@ class _Batch:
                 return whole
 
             numbers = [bucket.counts[lanes].astype(float), bucket.steps[lanes], *(x[rows] for x in self._numbers())]
-            raw = Raw(
+            raw = BlockInput(
                 side_by_side(bucket.even if uneven else bucket.values),
                 numbers[0],
                 numbers[1],
@@ -204,11 +204,11 @@ class _Batch:
             )
             found = self.solve(raw, first, *self._box(size), cell, np.asarray(used))
             flat = lambda x, n=mine.size: np.moveaxis(np.asarray(x), 0, -2).reshape(*x.shape[1:-1], -1)[..., :n]  # noqa: E731
-            parts.append(Found(*(flat(part) for part in found)))
+            parts.append(LaneResult(*(flat(part) for part in found)))
             if tell and self.progress is not None:
                 self.done += mine.size
                 self.progress(self.done, self.rows)
-        return Found(*(np.concatenate(part, axis=-1) for part in zip(*parts, strict=True)))
+        return LaneResult(*(np.concatenate(part, axis=-1) for part in zip(*parts, strict=True)))
 
     def _numbers(self) -> tuple[np.ndarray, ...]:
         return self.volume, self.pressure, self.gas_pressure, self.kappa, self.area_modulus
@@ -228,7 +228,7 @@ class _Batch:
             return
         usable = ~self.unusable & self.buckled
         for care in (False, True):
-            bad = usable & ((self.found.status != CONVERGED) | ~(self.reduced() < MISFIT))
+            bad = usable & ((self.found.status != CONVERGED) | ~(self.reduced() < MISFIT**2))
             if care and not 0 < bad.sum() <= HOPELESS:
                 return
             for bucket in self.buckets:
@@ -260,7 +260,7 @@ class _Batch:
             rows.append(moved * np.array([1, 1, -1 if k % 2 else 1, 1]))
         return [np.clip(one, self.low, self.high) for one in rows]
 
-    def _keep_best(self, bucket: Bucket, places: np.ndarray, more: Found) -> None:
+    def _keep_best(self, bucket: Bucket, places: np.ndarray, more: LaneResult) -> None:
         assert self.found is not None
         for j in np.unique(places):
             row, mine = bucket.rows[j], np.flatnonzero(places == j)

@@ -20,9 +20,9 @@ from jaxtyping import Array, Float
 from jshell.calibration.batch_kernel import (
     UNKNOWNS,
     Block,
-    Found,
-    Raw,
-    Ready,
+    BlockInput,
+    LaneResult,
+    PreparedBlock,
     found_of,
     prepare,
     shape,
@@ -97,7 +97,7 @@ def look(unknowns: Float[Array, "unknowns block"], data: Block, substeps: int) -
 
 @eqx.filter_jit
 @lanewise
-def _descended(ready: Ready, start: jax.Array, low: jax.Array, high: jax.Array, substeps: int) -> Found:
+def _descended(ready: PreparedBlock, start: jax.Array, low: jax.Array, high: jax.Array, substeps: int) -> LaneResult:
     first = jnp.clip(jnp.where(jnp.isnan(start), ready.start, start), low, high)
     at = lambda u, data: look(u, data, substeps)  # noqa: E731
     search = descend(begin(first, ready.data, at), ready.data, low, high, at)
@@ -106,7 +106,9 @@ def _descended(ready: Ready, start: jax.Array, low: jax.Array, high: jax.Array, 
     return found_of(search, ready, first, state, jnp.sqrt(modes.damped**2 + modes.rate**2))
 
 
-def solve(raw: Raw, start: np.ndarray, low: np.ndarray, high: np.ndarray, cell: int, used: np.ndarray) -> Found:
+def solve(
+    raw: BlockInput, start: np.ndarray, low: np.ndarray, high: np.ndarray, cell: int, used: np.ndarray
+) -> LaneResult:
     """Fit block after block; arguments of `batch_kernel.solve_blocks`."""
     parts = []
     for number in range(int(used)):
@@ -119,4 +121,4 @@ def solve(raw: Raw, start: np.ndarray, low: np.ndarray, high: np.ndarray, cell: 
             substeps *= 2
         box = jnp.asarray(start[number]), jnp.asarray(low), jnp.asarray(high)
         parts.append(_descended(ready, *box, substeps))
-    return Found(*(np.stack([np.asarray(p) for p in part]) for part in zip(*parts, strict=True)))
+    return LaneResult(*(np.stack([np.asarray(p) for p in part]) for part in zip(*parts, strict=True)))

@@ -187,7 +187,7 @@ def _tangents(C: list[jax.Array], modes: Shape, step: jax.Array) -> Float[Array,
 Numbers = Any  # arrays of NumPy outside, of JAX inside
 
 
-class Raw(eqx.Module):
+class BlockInput(eqx.Module):
     """Traces as they come, side by side.
 
     Attributes:
@@ -217,7 +217,7 @@ class Raw(eqx.Module):
     uneven: Numbers | None = None
 
 
-class Ready(NamedTuple):
+class PreparedBlock(NamedTuple):
     """A block ready to fit, and a start from its data.
 
     Attributes:
@@ -232,7 +232,7 @@ class Ready(NamedTuple):
     heard: jax.Array
 
 
-def prepare(raw: Raw, cell: int) -> Ready:
+def prepare(raw: BlockInput, cell: int) -> PreparedBlock:
     """Means, weights, rest states and starts.
 
     Args:
@@ -275,7 +275,7 @@ def prepare(raw: Raw, cell: int) -> Ready:
         data = Block(y, mean, power, raw.count, raw.step, weight, gas, wall, volume, raw.elapsed, inside)
     start = stage(lambda w, s, r: _constants(w, s, r, data, go), go, waves, decay, turn)
     heard = (turn[0] > 0) & (turn[1] < 0.9 * jnp.pi) & jnp.all(jnp.isfinite(start), axis=0)
-    return Ready(data, jnp.where(jnp.isfinite(start), start, 0.0), pressure, heard)
+    return PreparedBlock(data, jnp.where(jnp.isfinite(start), start, 0.0), pressure, heard)
 
 
 def _constants(waves: list[jax.Array], decay: jax.Array, turn: jax.Array, data: Block, go) -> jax.Array:
@@ -300,7 +300,7 @@ def _constants(waves: list[jax.Array], decay: jax.Array, turn: jax.Array, data: 
     return jnp.stack([*logs, k, jnp.log(rate)])
 
 
-class Found(NamedTuple):
+class LaneResult(NamedTuple):
     """How the fits of a block ended.
 
     Attributes:
@@ -326,7 +326,9 @@ class Found(NamedTuple):
     heard: Any
 
 
-def solve(raw: Raw, start: Float[Array, "unknowns block"], low: jax.Array, high: jax.Array, cell: int) -> Found:
+def solve(
+    raw: BlockInput, start: Float[Array, "unknowns block"], low: jax.Array, high: jax.Array, cell: int
+) -> LaneResult:
     """Fit a block.
 
     Args:
@@ -360,17 +362,19 @@ def solve(raw: Raw, start: Float[Array, "unknowns block"], low: jax.Array, high:
     return found_of(search, ready, first, state, omega)
 
 
-def found_of(search: Search, ready: Ready, first: jax.Array, state: jax.Array, omega: jax.Array) -> Found:
+def found_of(search: Search, ready: PreparedBlock, first: jax.Array, state: jax.Array, omega: jax.Array) -> LaneResult:
     """A search that has ended, with what was read off it."""
     at, rest = search.look, jnp.stack([ready.data.volume, ready.pressure])
-    return Found(
+    return LaneResult(
         search.unknowns, at.cost, at.normal, search.status, search.steps, ready.data.weight, state, omega, rest, first,
         ready.heard,
     )  # fmt: skip
 
 
 @lanewise
-def solve_blocks(raw: Raw, start: jax.Array, low: jax.Array, high: jax.Array, cell: int, used: jax.Array) -> Found:
+def solve_blocks(
+    raw: BlockInput, start: jax.Array, low: jax.Array, high: jax.Array, cell: int, used: jax.Array
+) -> LaneResult:
     """Fit block after block, a leading axis on `raw` and `start`, the first `used` of them: memory is taken once."""
     one = lambda given: solve(given[0], given[1], low, high, cell)  # noqa: E731
     nothing = jax.tree.map(

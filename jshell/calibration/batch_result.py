@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from jshell.calibration.noise import MISFIT
 from jshell.calibration.uncertainty import in_words
 from jshell.errors import MissingExtra, Outcome
 from jshell.signals.lane_search import CONVERGED, RUNNING
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
 PARAMETERS = ("alpha1", "alpha2", "k_vs", "tau", "beta1")
 STATE = ("delta_V", "delta_S", "V_rate", "S_rate", "V_rest", "S_rest")
 SINGULAR = 1e-12  # of the scaled normal matrix's eigenvalues: a free direction leaves rounding, 1e-15, there
-MISFIT = 2.25  # reduced χ² from which the model does not describe a record, with noise from the record itself
 
 
 @dataclass(frozen=True)
@@ -208,7 +208,7 @@ def read(run, fixed: np.ndarray) -> BatchResult:
     for bucket in run.buckets:
         even[bucket.rows] = bucket.elapsed is None
     with np.errstate(all="ignore"):
-        misfit = finite & (reduced > MISFIT) & (even | run.absolute)
+        misfit = finite & (reduced > MISFIT**2) & (even | run.absolute)
     lost = ~finite
     hide = lambda x: np.where(lost.reshape(-1, *[1] * (x.ndim - 1)), np.nan, x)  # noqa: E731
     start = np.stack([np.exp(found.start[0]), np.exp(found.start[1]), found.start[2], np.exp(-found.start[3])], axis=1)

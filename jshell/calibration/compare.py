@@ -16,10 +16,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jshell.calibration.noise import Noise, envelope_chance, lag_one, peak_chance, runs
+from jshell.calibration.noise import MISFIT, Noise, envelope_chance, lag_one, peak_chance, runs
 from jshell.calibration.records import chosen_channels, filled, noise_of, record, rest_state, windowed
 from jshell.calibration.report import FitResult, FitWarning
 from jshell.calibration.trajectories import fit_trajectories
+from jshell.calibration.uncertainty import information
 from jshell.errors import BadName, BadShape, JshellError, Outcome, RangeWarning
 from jshell.signals import rates
 from jshell.signals.damped_pair import Modes, minimum
@@ -163,7 +164,7 @@ def _row(
 ) -> Row:
     left = r.reshape(data.shape) / weight
     chi_square, size = float(r @ r), r.size
-    logarithm = size * np.log(max(chi_square, 1e-250 * size) / size)
+    aic, bic = information(chi_square, size, count)
     scatter = data.std(axis=1)
     over = None if noise is None else float(np.sqrt(np.mean(left**2 / np.maximum(noise, 1e-300)[:, None] ** 2)))
     tests = [_tested(rows) for rows in left]
@@ -171,8 +172,8 @@ def _row(
         name,
         chi_square,
         count,
-        float(logarithm + 2 * count),
-        float(logarithm + count * np.log(size)),
+        aic,
+        bic,
         float(np.sqrt(np.mean(left**2 / scatter[:, None] ** 2))),
         over,
         not any(one.correlated or one.coherent for one in tests),
@@ -267,7 +268,7 @@ def _verdict(rows: list[Row], noise_known: bool) -> str:
         rivals = [row for row in rows if row.name != "strict"]
         strict, best = known["strict"], min(rivals, key=lambda row: row.bic, default=None)
         gap = 0.0 if best is None else strict.bic - best.bic
-        if gap < CLEAR and (strict.white or not noise_known or (strict.over_noise or 0) < 1.5):
+        if gap < CLEAR and (strict.white or not noise_known or (strict.over_noise or 0) < MISFIT):
             parts.append("the strict oscillator describes V and S")
         else:
             parts.append(

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jshell.calibration.least_squares import Ending
+from jshell.calibration.least_squares import SolverResult
 from jshell.errors import Outcome
 
 
@@ -53,7 +53,7 @@ class Start:
     agrees: bool
 
 
-def starts_of(ending: Ending, natural: np.ndarray, same: np.ndarray) -> tuple[Start, ...]:
+def starts_of(ending: SolverResult, natural: np.ndarray, same: np.ndarray) -> tuple[Start, ...]:
     """How every start ended.
 
     Args:

@@ -20,14 +20,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jshell.calibration.losses import MODAL_NAMES, STRICT_NAMES, Problem, bases, left_over, targets
-from jshell.calibration.parameters import Prior, Unknowns
+from jshell.calibration.losses import MODAL_NAMES, STRICT_NAMES, Problem, bases, linear_residual, targets
+from jshell.calibration.noise import whiten
+from jshell.calibration.options import CONDITIONS
+from jshell.calibration.parameters import Prior, Tie, Unknowns, check_parameters, unknowns
 from jshell.calibration.records import Record
 from jshell.errors import BadName, BadValue
 from jshell.shell.parameters import Reduced
 from jshell.shell.rest import RestState, buckled_state, gas_pressure
 
-CONDITIONS = ("thickness", "youngs_modulus", "gas_pressure", "outer_pressure", "viscosity")
+POSITIVE = frozenset({"alpha1", "alpha2", "beta1", "beta2", "tau", *CONDITIONS})
 
 
 class Piece(NamedTuple):
@@ -67,9 +69,22 @@ class Joint(eqx.Module):
             record = (
                 self._at(record, {field: jnp.asarray(values[place]) for field, place in moved}) if moved else record
             )
-            constants = cast(jax.Array, values[np.asarray(places)])
+            whole = places == tuple(range(len(self.names)))  # one trace: as they stand
+            constants = cast(jax.Array, values if whole else values[np.asarray(places)])
             found.append(Piece(constants, eqx.tree_at(lambda p: p.records, self.problem, (record,))))
         return found
+
+    def own(self, number: int) -> np.ndarray:
+        """Where the parameters of one trace stand among all: its constants, then its moving conditions."""
+        return np.array([*self.places[number], *(at for _, at in self.moved[number])])
+
+    def alone(self, number: int) -> "Joint":
+        """The problem of one trace, without priors; its parameters are those at `own`."""
+        constants = len(self.places[number])
+        moved = tuple((field, constants + i) for i, (field, _) in enumerate(self.moved[number]))
+        names = (*single_names(self.problem), *(field for field, _ in moved))
+        problem = eqx.tree_at(lambda p: p.records, self.problem, (self.problem.records[number],))
+        return Joint(problem, names, (tuple(range(constants)),), (moved,), self.equilibrium)
 
     def _at(self, record: Record, given: Mapping[str, jax.Array]) -> Record:
         """A record under other conditions."""
@@ -97,12 +112,6 @@ class Joint(eqx.Module):
         return (values[jnp.asarray(self.prior_at, dtype=int)] - self.prior[:, 0]) / self.prior[:, 1]
 
 
-def whitened(rows: jax.Array, memory: jax.Array) -> jax.Array:
-    """Rows (samples, columns) with the memory of the noise taken out; see `noise.whiten`."""
-    phi = memory[1:, None]
-    return jnp.concatenate([rows[:1], (rows[1:] - phi * rows[:-1]) / jnp.sqrt(1 - phi**2)])
-
-
 def blocks(values: np.ndarray | jax.Array, joint: Joint) -> list[tuple[jax.Array, np.ndarray | jax.Array]]:
     """Basis (data, linear) and data (data,) of every block that shares linear parameters, weighted, memory out."""
     found = []
@@ -116,7 +125,7 @@ def blocks(values: np.ndarray | jax.Array, joint: Joint) -> list[tuple[jax.Array
         for row, (basis, data) in zip(rows, pairs, strict=True):
             both = jnp.concatenate([basis, data[:, None]], axis=1)
             size = row.shape[1]
-            parts = [whitened(both[i * size : (i + 1) * size], m) for i, m in enumerate(row)]
+            parts = [whiten(both[i * size : (i + 1) * size], m) for i, m in enumerate(row)]
             both = jnp.concatenate(parts)
             found.append((both[:, :-1], both[:, -1]))
     return found
@@ -128,8 +137,8 @@ def residual(u: jax.Array, args: tuple[Unknowns, Joint]) -> jax.Array:
     values = space.natural(u)
     left = []
     for basis, data in blocks(values, joint):
-        left.append(left_over(basis, data))
-    return jnp.concatenate([*left, joint.prior_residual(values)])
+        left.append(linear_residual(basis, data))
+    return jnp.concatenate([*left, joint.prior_residual(values)] if joint.prior_at else left)
 
 
 def single_names(problem: Problem) -> tuple[str, ...]:
@@ -163,7 +172,7 @@ def join(
     """
     many = len(problem.records)
     constants, uncertain = single_names(problem), dict(uncertain or {})
-    local = tuple("k_vs_squared" if name == "k_vs" and "k_vs_squared" in constants else name for name in local)
+    local = tuple(local)
     for place, given, known in (
         ("local", local, (*constants, *uncertain)),
         ("uncertain", tuple(uncertain), CONDITIONS),
@@ -199,11 +208,19 @@ def join(
             moved[i - 1].append((name, at))
             if relative is not None and nominal[i - 1] > 0:
                 known[names[at]] = Prior(nominal[i - 1], relative * nominal[i - 1])
-    known |= spread(dict(priors or {}), tuple(names))
+    known |= {
+        name: _of_square(prior) if name.split("[")[0] in problem.squared else prior
+        for name, prior in spread("priors", dict(priors or {}), tuple(names)).items()
+    }
     at = tuple(names.index(name) for name in known)
     rows = np.array([[float(p.mean), float(p.sigma)] for p in known.values()]).reshape(-1, 2)
     places = tuple(tuple(column[i] for column in columns) for i in range(many))
     return Joint(problem, tuple(names), places, tuple(tuple(m) for m in moved), equilibrium, at, rows)
+
+
+def _of_square(prior: Prior) -> Prior:
+    """A prior of a parameter as one of its square."""
+    return Prior(prior.mean**2, 2 * abs(prior.mean) * prior.sigma)
 
 
 def nominal_value(record: Record, name: str) -> float:
@@ -220,18 +237,28 @@ def nominal_values(joint: Joint) -> dict[str, float]:
     }
 
 
-def spread(given: Mapping, names: tuple[str, ...]) -> dict:
+def parameters_of(
+    joint: Joint,
+    fix: Mapping[str, float],
+    bounds: Mapping[str, tuple[float, float]],
+    tie: Mapping[str, str | Tie],
+) -> Unknowns:
+    """Which parameters of several traces are free; a name without a number means that of every trace."""
+    base = {name: name.partition("[")[0] for name in joint.names}
+    fixed, limits, tied = (
+        spread(place, given, joint.names) for place, given in (("fix", fix), ("bounds", bounds), ("tie", tie))
+    )
+    positive = frozenset(name for name in joint.names if base[name] in POSITIVE)
+    squared = frozenset(name for name in joint.names if base[name] in joint.problem.squared)
+    return unknowns(joint.names, positive, fixed, limits, tied, squared)
+
+
+def spread(place: str, given: Mapping, names: tuple[str, ...]) -> dict:
     """A setting for `alpha1` as one for `alpha1[1]`, `alpha1[2]`, … where each trace has its own."""
     found = {}
     for name, value in given.items():
         own = [full for full in names if full.startswith(f"{name}[")]
         for full in own if name not in names and own else [name]:
             found[full] = value
-    if unknown := [name for name in found if name not in names]:
-        raise BadName(
-            f"parameter {unknown[0]!r}",
-            found="no such parameter in this fit",
-            expected="one of " + ", ".join(names),
-            remedy="Check the spelling; a parameter of one trace is written name[number].",
-        )
+    check_parameters(place, found, names)
     return found

@@ -9,6 +9,7 @@ Source     Nielsen 1999, "Damping parameter in Marquardt's method", for λ;
            Transtrum & Sethna 2012, arXiv:1201.5885, for bent steps
 """
 
+import warnings
 from collections.abc import Callable
 from typing import Any
 
@@ -23,7 +24,7 @@ from jshell.errors import Outcome
 RUNNING = -1
 
 
-class Ending(eqx.Module):
+class SolverResult(eqx.Module):
     """Where starts ended: a leading axis per start.
 
     Attributes:
@@ -57,7 +58,7 @@ def levenberg_marquardt(
     damping: float | Float[Array, ""] = 1e-3,
     bend: bool = False,
     condensed: bool = False,
-) -> Ending:
+) -> SolverResult:
     """Minimise the sum of squared residuals from one start.
 
     Whether it has converged is asked of the undamped step, never of the one
@@ -164,7 +165,7 @@ def levenberg_marquardt(
     status = jnp.where(status == RUNNING, int(Outcome.NOT_CONVERGED), status)
     on_bound = jnp.any(((u <= low) | (u >= high)) & (low < high))
     status = jnp.where((status == int(Outcome.OK)) & on_bound, int(Outcome.AT_BOUND), status)
-    return Ending(u, cost, status, count)
+    return SolverResult(u, cost, status, count)
 
 
 @eqx.filter_jit
@@ -179,7 +180,7 @@ def from_many_starts(
     damping: float = 1e-3,
     bend: bool = False,
     condensed: bool = False,
-) -> Ending:
+) -> SolverResult:
     """Minimise from every start; compiled once per shape.
 
     Args:
@@ -200,7 +201,7 @@ def from_many_starts(
     return jax.lax.map(solve, starts) if condensed else jax.vmap(solve)(starts)
 
 
-def best_of(ending: Ending, size: float) -> tuple[int, np.ndarray]:
+def best_of(ending: SolverResult, size: float) -> tuple[int, np.ndarray]:
     """The start that ended lowest, and which starts ended as low.
 
     Args:
@@ -215,3 +216,11 @@ def best_of(ending: Ending, size: float) -> tuple[int, np.ndarray]:
     same = ended & (ranked - ranked[best] <= 1e-7 * ranked[best] + 1e-16 * size)
     first = int(np.argmax(same)) if same.any() else best  # of equals the first, which comes from the data
     return first, same
+
+
+def __getattr__(name: str) -> Any:
+    """Names of the release before."""
+    if name == "Ending":
+        warnings.warn("`Ending` is called `SolverResult` now", DeprecationWarning, stacklevel=2)
+        return SolverResult
+    raise AttributeError(name)

@@ -18,8 +18,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jshell.calibration.least_squares import Ending, from_many_starts, value_and_jacobian
-from jshell.calibration.losses import Problem, bases, gram_inverse, residual, targets
+from jshell.calibration.joint import Joint, Piece, residual
+from jshell.calibration.least_squares import SolverResult, from_many_starts, value_and_jacobian
+from jshell.calibration.lengths import lengthened
+from jshell.calibration.losses import Problem, bases, gram_inverse, targets
 from jshell.calibration.parameters import Unknowns
 from jshell.calibration.records import Record
 from jshell.errors import Outcome
@@ -35,19 +37,29 @@ def is_long(problem: Problem) -> bool:
     return problem.solver == "exact" and any(one.data.size >= LONG for one in problem.records)
 
 
-def fit_long(space: Unknowns, problem: Problem, starts: np.ndarray) -> Ending:
-    """Minimise from every start: first over evenly chosen samples, then from where that ends over all of them."""
+def minimise(space: Unknowns, joint: Joint, starts: np.ndarray) -> SolverResult:
+    """Minimise from every start: by blocks where a record is long, else by a program that many lengths share."""
+    if is_long(joint.problem):
+        return _fit_long(space, joint, starts)
+    long = eqx.tree_at(lambda j: j.problem, joint, lengthened(joint.problem))
+    ends = jnp.asarray(space.low, dtype=float), jnp.asarray(space.high, dtype=float)
+    return from_many_starts(residual, (space, long), jnp.asarray(starts, dtype=float), *ends)
+
+
+def _fit_long(space: Unknowns, joint: Joint, starts: np.ndarray) -> SolverResult:
+    """First over evenly chosen samples, then from where that ends over all of them."""
     low, high = jnp.asarray(space.low), jnp.asarray(space.high)
-    few = dataclasses.replace(problem, records=tuple(_thinned(one) for one in problem.records))
+    thin = tuple(_thinned(one) for one in joint.problem.records)
+    few = eqx.tree_at(lambda j: j.problem.records, joint, thin)
     first = from_many_starts(residual, (space, few), jnp.asarray(starts), low, high)
     ended = np.isin(np.asarray(first.outcome), (int(Outcome.OK), int(Outcome.AT_BOUND)))[:, None]
     begin = np.where(ended, np.asarray(first.unknowns), starts)
     alike = np.all(np.abs(begin[:, None] - begin[None]) <= SAME * (1 + np.abs(begin)), axis=2)
     leader = np.argmax(alike, axis=1)  # starts that met already go on as one
     kept = np.unique(leader)
-    last = from_many_starts(condensed, (space, problem), jnp.asarray(begin[kept]), low, high, condensed=True)
+    last = from_many_starts(condensed, (space, joint), jnp.asarray(begin[kept]), low, high, condensed=True)
     which = np.searchsorted(kept, leader)
-    return Ending(
+    return SolverResult(
         last.unknowns[which],
         last.cost[which],
         last.outcome[which],
@@ -61,20 +73,17 @@ def _thinned(record: Record) -> Record:
     return dataclasses.replace(record, elapsed=elapsed, data=data, weight=weight)
 
 
-def own_constants(natural: jax.Array, number: int, problem: Problem) -> jax.Array:
-    """The constants of one record among all, in its model's order."""
-    return natural if problem.loss == "strict" else natural[np.array([0, 1, 2, 3 + number])]
-
-
-def condensed(u: Float[Array, " free"], args: tuple[Unknowns, Problem]) -> Float[Array, "rows free+1"]:
-    """A few rows of Jacobian and residual with the same QR factor as those of all data."""
-    space, problem = args
+def condensed(u: Float[Array, " free"], args: tuple[Unknowns, Joint]) -> Float[Array, "rows free+1"]:
+    """A few rows of Jacobian and residual with the same QR factor as those of all data, priors included."""
+    space, joint = args
     found = []
-    for number, record in enumerate(problem.records):
-        one = dataclasses.replace(problem, records=(record,))
-        constants, slopes = value_and_jacobian(lambda u, n=number: own_constants(space.natural(u), n, problem), u)
-        for triangle in _triangles(constants, one):
+    for number in range(len(joint.problem.records)):
+        own, slopes = value_and_jacobian(lambda u, at=joint.own(number): space.natural(u)[at], u)
+        for triangle in _triangles(own, joint.alone(number)):
             found.append(jnp.concatenate([triangle[:, :-1] @ slopes, triangle[:, -1:]], axis=1))
+    if joint.prior_at:
+        r, J = value_and_jacobian(lambda u: joint.prior_residual(space.natural(u)), u)
+        found.append(jnp.concatenate([J, r[:, None]], axis=1))
     return jnp.concatenate(found)
 
 
@@ -89,26 +98,27 @@ def _rows(record: Record) -> tuple[jax.Array, jax.Array, jax.Array]:
     return elapsed.reshape(blocks, BLOCK), cut(jnp.asarray(record.data)), cut(jnp.asarray(record.weight))
 
 
-def _block(rows: tuple[jax.Array, jax.Array, jax.Array], problem: Problem) -> Problem:
+def _block(rows: tuple[jax.Array, jax.Array, jax.Array], own: jax.Array, lone: Joint) -> Piece:
     """The problem of one block."""
     elapsed, data, weight = rows
-    part = dataclasses.replace(problem.records[0], elapsed=elapsed, data=data, weight=weight)
-    return dataclasses.replace(problem, records=(part,))
+    part = dataclasses.replace(lone.problem.records[0], elapsed=elapsed, data=data, weight=weight)
+    return eqx.tree_at(lambda j: j.problem.records, lone, (part,)).pieces(own)[0]
 
 
-def best_of_blocks(constants: jax.Array, problem: Problem) -> list[jax.Array]:
-    """The best linear parameters of a one-record problem, one array per channel or, of the strict loss, one."""
+def best_of_blocks(own: jax.Array, lone: Joint) -> list[jax.Array]:
+    """The best linear parameters of one trace, one array per channel or, of the strict loss, one."""
 
     def add(sums, rows):
-        part = _block(rows, problem)
+        constants, part = _block(rows, own, lone)
         new = []
         for (gram, moment), basis, data in zip(sums, bases(constants, part, late=True), targets(part), strict=True):
             new.append((gram + basis.T @ basis, moment + basis.T @ data))
         return new, None
 
-    size, count = (6, 1) if problem.loss == "strict" else (5, len(problem.records[0].channels))
+    record = lone.problem.records[0]
+    size, count = (6, 1) if lone.problem.loss == "strict" else (5, len(record.channels))
     nothing = [(jnp.zeros((size, size)), jnp.zeros(size))] * count
-    sums, _ = jax.lax.scan(add, nothing, _rows(problem.records[0]))
+    sums, _ = jax.lax.scan(add, nothing, _rows(record))
     found = []
     for gram, moment in sums:
         length = jnp.sqrt(jnp.diag(gram))
@@ -120,49 +130,56 @@ def best_of_blocks(constants: jax.Array, problem: Problem) -> list[jax.Array]:
     return found
 
 
-def _triangles(constants: jax.Array, problem: Problem) -> list[jax.Array]:
+def _triangles(own: jax.Array, lone: Joint) -> list[jax.Array]:
     """Per block of linear parameters, the triangle of Jacobian and residual at right angles to the basis."""
-    linear = best_of_blocks(constants, problem)
+    linear = best_of_blocks(own, lone)
 
     def add(triangles, rows):
-        part = _block(rows, problem)
-        plain, (fitted, slopes) = _look(constants, linear, part)
+        plain, (fitted, slopes), target = _look(own, linear, rows, lone)
         new = []
-        for T, basis, curve, slope, data in zip(triangles, plain, fitted, slopes, targets(part), strict=True):
+        for T, basis, curve, slope, data in zip(triangles, plain, fitted, slopes, target, strict=True):
             stacked = jnp.concatenate([basis, slope, (curve - data)[:, None]], axis=1)
             new.append(jnp.linalg.qr(jnp.concatenate([T, stacked]), mode="r"))
         return new, None
 
     sizes = [c.size for c in linear]
-    nothing = [jnp.zeros((size + constants.size + 1,) * 2) for size in sizes]
-    triangles, _ = jax.lax.scan(add, nothing, _rows(problem.records[0]))
+    nothing = [jnp.zeros((size + own.size + 1,) * 2) for size in sizes]
+    triangles, _ = jax.lax.scan(add, nothing, _rows(lone.problem.records[0]))
     return [T[size:, size:] for T, size in zip(triangles, sizes, strict=True)]
 
 
-def _look(constants: jax.Array, linear: list[jax.Array], part: Problem):
-    """Bases of a block; the fitted curves and their derivatives by the constants."""
-    plain = bases(constants, part, late=True)
-    curves = lambda p: [basis @ c for basis, c in zip(bases(p, part, late=True), linear, strict=True)]  # noqa: E731
-    return plain, value_and_jacobian(curves, constants)
+def _look(own: jax.Array, linear: list[jax.Array], rows: tuple[jax.Array, jax.Array, jax.Array], lone: Joint):
+    """Bases of a block; the fitted curves and their derivatives by the trace's parameters; the data."""
+
+    def both(p: jax.Array) -> list[jax.Array]:
+        constants, part = _block(rows, p, lone)
+        return bases(constants, part, late=True)
+
+    curves = lambda p: [basis @ c for basis, c in zip(both(p), linear, strict=True)]  # noqa: E731
+    return both(own), value_and_jacobian(curves, own), targets(_block(rows, own, lone).problem)
 
 
 @eqx.filter_jit
-def look_at_all(constants: np.ndarray | jax.Array, problem: Problem, linear: list | None = None):
-    """Linear parameters, the best unless given; residual, derivative by the constants, bases of a one-record problem.
+def look_at_all(own: np.ndarray | jax.Array, lone: Joint, linear: list | None = None):
+    """Linear parameters, the best unless given; residual, derivative by the parameters, bases of one trace.
 
-    As `solved` wants them: all rows, in the order channel by channel, but worked out block by block.
+    As `linearized` wants them: all rows, in the order channel by channel, but worked out block by block.
+
+    Args:
+        own: (parameters,) of the trace.
+        lone: Its problem, of `Joint.alone`.
+        linear: Linear parameters, per block that shares them.
     """
-    p = jnp.asarray(constants)
-    linear, record = best_of_blocks(p, problem) if linear is None else linear, problem.records[0]
+    p = jnp.asarray(own)
+    linear, record = best_of_blocks(p, lone) if linear is None else linear, lone.problem.records[0]
 
     def one(rows):
-        part = _block(rows, problem)
-        plain, (curves, slopes) = _look(p, linear, part)
-        left = [curve - data for curve, data in zip(curves, targets(part), strict=True)]
+        plain, (curves, slopes), target = _look(p, linear, rows, lone)
+        left = [curve - data for curve, data in zip(curves, target, strict=True)]
         return left, slopes, plain
 
     left, slopes, plain = jax.lax.map(one, _rows(record))
-    channels = len(record.channels) if problem.loss == "strict" else 1
+    channels = len(record.channels) if lone.problem.loss == "strict" else 1
 
     def in_order(x: jax.Array) -> jax.Array:
         rows = jnp.moveaxis(x.reshape(x.shape[0], channels, BLOCK, *x.shape[2:]), 1, 0)

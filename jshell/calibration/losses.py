@@ -11,6 +11,9 @@ Source     Mokbel et al. 2021: eq:eqmovadimV, eq:eqmovadimS, eq:defw;
            Golub & Pereyra 1973 for the projection
 """
 
+import warnings
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -31,9 +34,8 @@ from jshell.oscillator.linear import (
 from jshell.oscillator.simulate import integrate
 from jshell.shell.elasticity import moduli
 
-LOSSES = ("strict", "modal")
 STRICT_NAMES = ("alpha1", "alpha2", "k_vs", "beta1", "beta2")
-MODAL_NAMES = ("alpha1", "alpha2", "k_vs_squared")
+MODAL_NAMES = ("alpha1", "alpha2", "k_vs")  # of k_vs it sees the square
 PASSES = 3  # values, first and second derivatives
 LOST = 1e-14  # share of the largest squared length below which a direction of the basis is rounding
 
@@ -60,6 +62,11 @@ class Problem(eqx.Module):
     adjoint: str = eqx.field(static=True, default="forward")
     rtol: float = eqx.field(static=True, default=1e-10)
     atol: float = eqx.field(static=True, default=1e-12)
+
+    @property
+    def squared(self) -> frozenset[str]:
+        """Constants that the loss knows only through their square: frequencies do not tell the sign of k_vs."""
+        return frozenset({"k_vs"} if self.loss == "modal" else ())
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -102,16 +109,20 @@ def targets(problem: Problem) -> list[Float[Array | np.ndarray, " data"]]:
 def projected(natural: Float[Array, " names"], problem: Problem) -> Float[Array, " data"]:
     """Weighted residual with the best linear parameters."""
     return jnp.concatenate(
-        [left_over(basis, data) for basis, data in zip(bases(natural, problem), targets(problem), strict=True)]
+        [linear_residual(basis, data) for basis, data in zip(bases(natural, problem), targets(problem), strict=True)]
     )
 
 
-def left_over(basis: Float[Array, "data linear"], data: Float[Array | np.ndarray, " data"]) -> Float[Array, " data"]:
+def linear_residual(
+    basis: Float[Array, "data linear"], data: Float[Array | np.ndarray, " data"]
+) -> Float[Array, " data"]:
     """What the best linear parameters leave, basis @ c - data."""
-    return basis @ best(basis, data) - data
+    return basis @ solve_linear(basis, data) - data
 
 
-def best(basis: Float[Array, "data linear"], data: Float[Array | np.ndarray, " data"]) -> Float[Array, " linear"]:
+def solve_linear(
+    basis: Float[Array, "data linear"], data: Float[Array | np.ndarray, " data"]
+) -> Float[Array, " linear"]:
     """The best linear parameters.
 
     The inverse of the Gram matrix counts as a constant: every pass of refinement with it gives one more
@@ -164,7 +175,7 @@ def best_linear(natural: Float[Array | np.ndarray, " names"], problem: Problem) 
 @eqx.filter_jit
 def _best_linear(natural: np.ndarray | jax.Array, problem: Problem) -> list[jax.Array]:
     rows = zip(bases(jnp.asarray(natural), problem), targets(problem), strict=True)
-    return [best(basis, data) for basis, data in rows]
+    return [solve_linear(basis, data) for basis, data in rows]
 
 
 def linear_names(problem: Problem) -> list[str]:
@@ -209,7 +220,7 @@ def _advance(t, y, A):
 
 
 def pulsations(constants: Float[Array, "3"], record: Record) -> Float[Array, "2"]:
-    """Squared ω-, ω+ of a record's shell; constants (alpha1, alpha2, k_vs_squared)."""
+    """Squared ω-, ω+ of a record's shell; constants (alpha1, alpha2, k_vs²)."""
     V, P = record.state
     K_A = moduli(record.conditions.thickness, record.conditions.poisson_ratio).area
     return frequencies_of_square(
@@ -225,3 +236,15 @@ def _modal_basis(constants: jax.Array, tau: jax.Array, record: Record) -> Float[
     slow, fast = frequency[0] * t, frequency[1] * t
     waves = [jnp.ones_like(t), decay * jnp.cos(slow), decay * jnp.sin(slow), decay * jnp.cos(fast)]
     return jnp.stack([*waves, decay * jnp.sin(fast)], axis=1)
+
+
+_RENAMED = {"left_over": linear_residual, "best": solve_linear}
+
+
+def __getattr__(name: str) -> Any:
+    """Names of the release before."""
+    if name in _RENAMED:
+        found = _RENAMED[name]
+        warnings.warn(f"`{name}` is called `{found.__name__}` now", DeprecationWarning, stacklevel=2)
+        return found
+    raise AttributeError(name)

@@ -17,105 +17,30 @@ from collections.abc import Mapping
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
 from jshell.calibration.estimate import Estimate, starts_of
+from jshell.calibration.frequency_model import (
+    NAMES,
+    model,
+    parameters_of_table,
+    square_only,
+    start_from_data,
+    table_residual,
+    weighted,
+)
 from jshell.calibration.frequency_table import Frequencies, Prepared, prepare
-from jshell.calibration.least_squares import Ending, best_of, from_many_starts, value_and_jacobian
+from jshell.calibration.least_squares import SolverResult, best_of, from_many_starts, value_and_jacobian
 from jshell.calibration.objective import Objective
-from jshell.calibration.parameters import Unknowns, unknowns
+from jshell.calibration.options import FitOptions, choices_of
+from jshell.calibration.parameters import Unknowns
 from jshell.calibration.report import FitResult, FitWarning
-from jshell.calibration.specification import Specification, versions
 from jshell.calibration.uncertainty import in_words, uncertainty
-from jshell.errors import BadName, BadValue, Outcome, RangeWarning
-from jshell.oscillator.linear import frequencies_of_square
+from jshell.calibration.versions import versions
+from jshell.errors import BadValue, Outcome, RangeWarning
 
-NAMES = ("alpha1", "alpha2", "k_vs_squared")
-SHOWN = ("alpha1", "alpha2", "k_vs")
-POSITIVE = frozenset({"alpha1", "alpha2"})
-WEIGHTINGS = ("V_e omega", "V_e^2 omega^2")
-SQUARE_ONLY = "frequencies determine k_VS² only: k_vs is reported positive, its sign is not known"
+__all__ = ["WEIGHTINGS", "fit_frequencies", "model", "scatter", "start_from_data", "weighted"]
+WEIGHTINGS = tuple(one for one in choices_of("weighting") if one is not None)
 SECOND_SHAPE = "add a second pressure or shape, or fix alpha2"
-
-
-def model(natural: Float[Array, "3"], rows: Frequencies) -> Float[Array, "shells 2"]:
-    """V_e² ω² of every row (eq:defw), slow first; negative where unstable."""
-
-    def one(V, P, kappa, K_A):
-        return V**2 * frequencies_of_square(V, P, natural[0], natural[1], natural[2], kappa=kappa, area_modulus=K_A)
-
-    arrays = (jnp.asarray(x) for x in (rows.volume, rows.pressure, rows.kappa, rows.area_modulus))
-    return jax.vmap(one)(*arrays)
-
-
-def _residual(u: jax.Array, args: tuple[Unknowns, Frequencies, str]) -> jax.Array:
-    free, rows, weighting = args
-    return weighted(free.natural(u), rows, weighting)
-
-
-def weighted(natural: jax.Array, rows: Frequencies, weighting: str) -> Float[Array, " data"]:
-    """Residual of every frequency, 0 where it is missing.
-
-    In V_e ω the square root is continued by its tangent below a hundredth of
-    the datum, so that a start with an unstable slow mode finds its way back.
-    """
-    V = jnp.asarray(rows.volume)[:, None]
-    measured = jnp.isfinite(rows.omega)
-    omega = jnp.where(measured, rows.omega, 1.0)
-    found = model(natural, rows)
-    if weighting == "V_e omega":
-        floor = 0.01 * (V * omega) ** 2
-        root = jnp.sqrt(jnp.maximum(found, floor))
-        r = (root + jnp.minimum(found - floor, 0.0) / (2 * jnp.sqrt(floor)) - V * omega) / (rows.sigma * _unit(V, rows))
-    else:
-        r = (found - (V * omega) ** 2) / (rows.sigma * _unit(2 * V**2 * omega, rows))
-    return jnp.where(measured, r, 0.0).ravel()
-
-
-def _unit(slope: jax.Array, rows: Frequencies) -> jax.Array:
-    """How an error of ω becomes one of the residual; 1 where errors are unknown (σ = 1 everywhere)."""
-    known = jnp.any(jnp.asarray(rows.sigma) != 1.0)
-    return jnp.where(known, slope, jnp.ones_like(slope))
-
-
-def start_from_data(rows: Frequencies, fix: Mapping[str, float] | None = None) -> np.ndarray:
-    """Constants from sums and products of the squared frequencies: (alpha1, alpha2, k_vs_squared).
-
-    Rows with both frequencies: V²(ω-² + ω+²) = A/α1 + B/α2 is a line in the
-    inverse masses, and V⁴ω-²ω+² = (AB - 18π⁴ k²)/(α1 α2) then gives k². The
-    share of the volume motion in the sum is scanned, and the best taken; where
-    rows do not tell the masses apart, volume and area motion share the sum.
-    """
-    fix = fix or {}
-    V, P, kappa, K_A = (np.asarray(x) for x in (rows.volume, rows.pressure, rows.kappa, rows.area_modulus))
-    A, B = 4 * np.pi * kappa * P * V, 9 * np.pi**2 * K_A / 8
-    y = (V[:, None] * np.asarray(rows.omega)) ** 2
-    both = np.isfinite(y).all(axis=1)
-    if not both.any():  # one frequency per shell: let each motion alone explain it
-        mean = np.nanmean(y)
-        return np.array([fix.get("alpha1", A.mean() / mean), fix.get("alpha2", B.mean() / mean), 0.01])
-
-    A, B, y = A[both], B[both], y[both]
-    total, product = y.sum(axis=1), y.prod(axis=1)
-    best, lowest = np.ones(3), np.inf
-    for share in np.linspace(0.05, 0.95, 37):
-        if "alpha1" in fix:
-            x1 = 1 / fix["alpha1"]
-        elif "alpha2" in fix:
-            x1 = np.mean((total - B / fix["alpha2"]) / A)
-        else:
-            x1 = share * np.mean(total / A)
-        x1 = max(x1, 0.02 * np.mean(total / A))
-        x2 = 1 / fix["alpha2"] if "alpha2" in fix else max(np.mean((total - A * x1) / B), 0.02 * np.mean(total / B))
-        k2 = fix.get("k_vs_squared", max(np.mean((A * B - product / (x1 * x2)) / (18 * np.pi**4)), 1e-3))
-        a, b = A * x1, B * x2
-        fast = (a + b) / 2 + np.sqrt((a - b) ** 2 / 4 + 18 * np.pi**4 * k2 * x1 * x2)
-        slow = np.maximum(a * b - 18 * np.pi**4 * k2 * x1 * x2, 0) / fast
-        gap = np.sqrt(np.stack([slow, fast], axis=1)) - np.sqrt(y)
-        cost = np.sum(gap**2) / np.sum(y) + 1e-9 * (share - 0.6) ** 2  # ties, as with one shape, go near the middle
-        if cost < lowest:
-            best, lowest = np.array([1 / x1, 1 / x2, k2]), cost
-    return best
 
 
 def fit_frequencies(
@@ -147,34 +72,21 @@ def fit_frequencies(
     Source:
         eq:defw; the weighting decides the constants at the level of tens of percent.
     """
-    if weighting not in WEIGHTINGS:
-        raise BadName(
-            f"weighting {weighting!r}",
-            found="no such weighting",
-            expected=" or ".join(WEIGHTINGS),
-            remedy="Choose one.",
-        )
+    given = FitOptions("frequencies", weighting=weighting, fix=fix or {}, bounds=bounds or {}, starts=starts, seed=seed)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", RangeWarning)
         ready = prepare(table)
     _again(caught)
     rows = ready.rows
-    squared = _squared(fix)
-    space = unknowns(NAMES, POSITIVE, squared, _square_bounds(bounds))
+    space = parameters_of_table(fix, bounds)
 
-    first = start_from_data(rows, squared)
+    first = start_from_data(rows, fix)
     natural = scatter(first, starts, seed)
-    measured = int(np.isfinite(rows.omega).sum())
-    if measured == 0:
+    if not np.isfinite(rows.omega).any():
         raise BadValue("table", found="no usable frequency", expected="at least one", remedy="Check the columns.")
     args = (space, rows, weighting)
-    ending = from_many_starts(_residual, args, jnp.asarray(space.seen(natural)), *_limits(space))
-    power = 2 if weighting == "V_e omega" else 4
-    unit = V_size(rows) ** power
-    found = _result(ready, space, weighting, ending, natural, measured, unit, [str(w.message) for w in caught])
-    given = Specification(
-        "frequencies", weighting=weighting, fix=dict(fix or {}), bounds=dict(bounds or {}), starts=starts, seed=seed
-    )
+    ending = from_many_starts(table_residual, args, jnp.asarray(space.seen(natural)), *_limits(space))
+    found = _result(ready, space, weighting, ending, natural, [str(w.message) for w in caught])
     return dataclasses.replace(found, specification=given, versions=versions())
 
 
@@ -194,16 +106,6 @@ def _limits(space: Unknowns) -> tuple[jax.Array, jax.Array]:
     return jnp.asarray(space.low), jnp.asarray(space.high)
 
 
-def _squared(fix: Mapping[str, float] | None) -> dict[str, float]:
-    return {("k_vs_squared" if k == "k_vs" else k): (v**2 if k == "k_vs" else v) for k, v in (fix or {}).items()}
-
-
-def _square_bounds(bounds: Mapping[str, tuple[float, float]] | None) -> dict[str, tuple[float, float]]:
-    found = {key: value for key, value in (bounds or {}).items() if key != "k_vs"}
-    low, high = (bounds or {}).get("k_vs", (0.0, np.inf))
-    return {**found, "k_vs_squared": (max(low, 0.0) ** 2, high**2)}
-
-
 def _again(caught: list) -> None:
     for text in {str(w.message) for w in caught}:
         warnings.warn(text, RangeWarning, stacklevel=3)
@@ -213,23 +115,19 @@ def _result(
     ready: Prepared,
     space: Unknowns,
     weighting: str,
-    ending: Ending,
+    ending: SolverResult,
     natural: np.ndarray,
-    measured: int,
-    size: float,
     caught: list[str],
 ) -> FitResult:
     rows = ready.rows
-    best, same = best_of(ending, size)
+    measured = int(np.isfinite(rows.omega).sum())
+    best, same = best_of(ending, V_size(rows) ** (2 if weighting == "V_e omega" else 4))
     values = np.asarray(space.natural(ending.unknowns[best]))
-    shown = values.copy()
-    shown[2] = np.sqrt(max(values[2], 0.0))
+    shown, begin = space.reported(values), space.reported(natural[best])
 
     r, J = value_and_jacobian(lambda p: weighted(p, rows, weighting), jnp.asarray(values))
-    J = np.array(J)
-    J[:, 2] *= 2 * shown[2]
-    free = [NAMES.index(name) for name in space.free]
-    names = tuple(SHOWN[i] for i in free)
+    J = np.asarray(J) * space.stretch(shown)
+    free, names = [NAMES.index(name) for name in space.free], space.free
     errors = uncertainty(J[:, free], np.asarray(r), shown[free], count=measured, absolute=ready.absolute)
 
     outcome = Outcome(int(ending.outcome[best]))
@@ -237,27 +135,26 @@ def _result(
     uncoupled = ~same & (np.asarray(ending.outcome) == Outcome.AT_BOUND) & (outcome == Outcome.OK)
     texts = list(caught)
     directions = tuple(in_words(direction, names) for direction in errors.null)
-    if directions and outcome in (Outcome.OK, Outcome.AT_BOUND) and shown[2] > 0:
+    if directions and outcome in (Outcome.OK, Outcome.AT_BOUND) and shown[2] != 0:
         outcome = Outcome.RANK_DEFICIENT
         directions = tuple(f"{text} changes no frequency of the table: {SECOND_SHAPE}" for text in directions)
     elif not (same | uncoupled).all():
         outcome = Outcome.STALLED if outcome == Outcome.OK else outcome
         texts.append(f"only {same.sum()} of {len(same)} starts ended in the best minimum")
         warnings.warn(texts[-1], FitWarning, stacklevel=3)
-    notes = [*ready.notes, SQUARE_ONLY]
+    notes = [*ready.notes, square_only(space)]
     if uncoupled.any():
         notes.append(f"{uncoupled.sum()} starts ended higher, at k_VS = 0 with the roles of the two masses exchanged")
-    if outcome == Outcome.AT_BOUND and shown[2] == 0 and "k_vs_squared" in space.free:
+    if outcome == Outcome.AT_BOUND and shown[2] == 0 and "k_vs" in space.free:
         texts.append("k_VS² ended at 0: the frequencies would have it negative")
 
     estimates = []
-    for i, name in enumerate(SHOWN):
+    for i, name in enumerate(NAMES):
         if i not in free:
             estimates.append(Estimate(name, float(shown[i]), role="fixed"))
             continue
         j = free.index(i)
-        start = np.sqrt(natural[best, 2]) if name == "k_vs" else natural[best, i]
-        estimates.append(Estimate(name, float(shown[i]), float(errors.stderr[j]), errors.reasons[j], float(start)))
+        estimates.append(Estimate(name, float(shown[i]), float(errors.stderr[j]), errors.reasons[j], float(begin[i])))
     return FitResult(
         title=f"Master curve of {rows.omega.shape[0]} shells, residual in {weighting}",
         outcome=outcome,
@@ -276,5 +173,5 @@ def _result(
         notes=tuple(notes),
         warnings=tuple(texts),
         table=ready.columns,
-        objective=Objective(_residual, (space, rows, weighting), space, values, ready.absolute, measured),
+        objective=Objective(table_residual, (space, rows, weighting), space, values, ready.absolute, measured),
     )

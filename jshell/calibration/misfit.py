@@ -1,8 +1,8 @@
 """Whether the model describes the records, and which of its modes they hold.
 
 A misfit is motion that the model lacks: more is left than noise explains, or
-what is left turns at one frequency or fades as a motion does. Noise that merely
-remembers its past is told apart: its memory explains all of it.
+what is left turns at one frequency or fades as a motion does. Noise that is merely
+autocorrelated is told apart: its φ explains all of it.
 
 Symbols    r weighted residual   φ memory of the noise
 """
@@ -14,13 +14,12 @@ import numpy as np
 from jshell.calibration.joint import Joint, Piece
 from jshell.calibration.lengths import without_data
 from jshell.calibration.losses import strict_coefficients
-from jshell.calibration.noise import Noise
+from jshell.calibration.noise import MISFIT, Noise
 from jshell.calibration.records import Record, noise_of
-from jshell.oscillator.linear import matrices, state_matrix
+from jshell.oscillator.linear import matrices, squares, state_matrix
 from jshell.signals import ring_down_start
 from jshell.trace import Trace
 
-MISFIT = 1.5  # residual over noise: sampling scatter of either is below a tenth for a hundred samples
 EXPLAINED = 2.0  # within this factor a memory φ must predict what six differences leave of its noise
 HEARD = 50.0  # of one mode, in χ²: a mode fitted to noise alone takes about 20, and 30 once in a thousand
 
@@ -183,13 +182,10 @@ def silent_directions(joint: Joint, values: np.ndarray, slopes: np.ndarray, whic
             V, P = (float(x) for x in one.state)
             kappa, nu = float(one.conditions.kappa), float(one.conditions.poisson_ratio)
             k2 = own[2] if joint.problem.loss == "modal" else own[2] ** 2
-            m1, m2 = own[0] / (4 * np.pi), 2 * own[1] * V**2 / (9 * np.pi**3)
-            a, b, c = kappa * P / V / m1, 1 / (8 * np.pi * (1 - nu)) / m2, k2 / V**2 / (m1 * m2)
-            root = np.sqrt((a - b) ** 2 / 4 + c)
-            w2 = (a + b) / 2 + (root if which else -root)
+            w2 = squares(V, P, own[0], own[1], k2, kappa, 0.5 / (1 - nu))[which]
             found += [w2, own[3] if joint.problem.loss == "modal" else own[3] / own[0]]
             if joint.problem.loss == "strict":
-                found.append((w2 - a) * m1 * V / own[2])  # S over V, from the equation of V
+                found.append((w2 * own[0] / (4 * np.pi) * V - kappa * P) / own[2])  # S over V, from the equation of V
         return np.array(found)
 
     at = shown(values)

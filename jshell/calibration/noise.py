@@ -1,24 +1,29 @@
-"""What a fit leaves: white noise, noise that remembers, or motion that the model lacks.
+"""What a fit leaves: white noise, autocorrelated noise, or motion that the model lacks.
 
 Errors of a fit assume that what is left is noise whose samples know nothing of
-each other. Here that is tested, and where it fails an error that remembers its
-past, e_k = φ e_{k-1} + fresh, is estimated by restricted likelihood, which does
+each other. Here that is tested, and where it fails autocorrelated (AR(1)) noise,
+e_k = φ e_{k-1} + fresh, is estimated by restricted likelihood, which does
 not mistake the directions that the fit has already used up for a short memory.
 
 Symbols    e standardised residual   φ memory from sample to sample   J = ∂r/∂p
-Valid for  samples in time order; a gap of m steps remembers φ^m
+Valid for  samples in time order; over a gap of m steps φ is φ^m
 Source     Wald & Wolfowitz 1940 (runs); Fisher 1929 (the largest peak of a periodogram); Mann & Whitney 1947;
            Patterson & Thompson 1971 (restricted likelihood)
 """
 
 from dataclasses import dataclass, replace
+from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import scipy.special
 
 REMEMBERS = 4.0  # standard errors by which lag-1 or runs must leave white noise: 6 in 100 000 by chance
 STRONGEST = 0.998  # memory beyond which a record is all drift
 COHERENT = 1e-6  # chance of so large a peak, or of so uneven an envelope, in noise
+MISFIT = 1.5  # residual over noise beyond which a model does not describe a record: of a hundred samples the scatter
+# of either is below a tenth
 
 
 @dataclass(frozen=True)
@@ -60,7 +65,7 @@ class Noise:
         """One line of a report."""
         kind = "taken as white" if self.correlated else "white"
         if self.memory:
-            kind = f"remembers, φ = {self.memory:.3f}: {self.effective:.0f} samples' worth"
+            kind = f"autocorrelated, φ = {self.memory:.3f}: {self.effective:.0f} samples' worth"
         return f"{self.channel}: lag-1 {self.lag1:+.3f} ({self.lag1_z:+.1f} σ), runs {self.runs_z:+.1f} σ; {kind}"
 
 
@@ -109,17 +114,19 @@ def envelope_chance(left: np.ndarray) -> float:
     return float(2 * scipy.special.ndtr(-max(beyond, 0.0) / np.sqrt(spread))) if spread > 0 else 1.0
 
 
-def whiten(rows: np.ndarray, memory: np.ndarray | float) -> np.ndarray:
+def whiten(rows: np.ndarray | jax.Array, memory: np.ndarray | jax.Array | float) -> Any:
     """Rows (samples, ...) with the memory taken out; noise keeps its variance, the first sample stays.
+
+    Of JAX where that is given, else of NumPy.
 
     Args:
         rows: A residual, or the columns of a Jacobian.
         memory: (samples,) φ over the step that leads to each sample; the first is not used.
     """
-    phi = np.broadcast_to(np.asarray(memory, dtype=float), rows.shape[:1]).reshape(-1, *(1,) * (rows.ndim - 1))
-    out = np.array(rows, dtype=float)
-    out[1:] = (rows[1:] - phi[1:] * rows[:-1]) / np.sqrt(1 - phi[1:] ** 2)
-    return out
+    numbers: Any = jnp if isinstance(rows, jax.Array) else np
+    phi = numbers.broadcast_to(numbers.asarray(memory, dtype=float), rows.shape[:1])[1:]
+    phi = phi.reshape(-1, *(1,) * (rows.ndim - 1))
+    return numbers.concatenate([rows[:1], (rows[1:] - phi * rows[:-1]) / numbers.sqrt(1 - phi**2)])
 
 
 def steps_between(times: np.ndarray, used: np.ndarray | None = None) -> np.ndarray:
@@ -141,7 +148,7 @@ def remembered(phi: float, steps: np.ndarray) -> np.ndarray:
 def estimate_memory(left: np.ndarray, jacobian: np.ndarray, steps: np.ndarray) -> float:
     """φ of greatest restricted likelihood.
 
-    The residual of a fit remembers less than its noise, since the fit follows
+    The residual of a fit is less autocorrelated than its noise, since the fit follows
     the slow part; the restricted likelihood allows for it.
 
     Args:

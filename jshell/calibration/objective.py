@@ -16,7 +16,7 @@ import numpy as np
 
 from jshell.calibration import joint as joints
 from jshell.calibration.joint import Joint
-from jshell.calibration.least_squares import Ending, from_many_starts
+from jshell.calibration.least_squares import SolverResult, from_many_starts
 from jshell.calibration.parameters import Unknowns
 
 
@@ -68,7 +68,7 @@ class Objective(eqx.Module):
     @property
     def names(self) -> tuple[str, ...]:
         """The free parameters as a report names them."""
-        return tuple(name.replace("k_vs_squared", "k_vs") for name in self.space.free)
+        return self.space.free
 
     @property
     def best(self) -> np.ndarray:
@@ -97,19 +97,15 @@ class Objective(eqx.Module):
 
     def seen(self, name: str, value: float) -> float:
         """A reported value of a free parameter, as the solver sees it."""
-        inner = self.space.free[self.names.index(name)]
-        value = value**2 if inner.startswith("k_vs_squared") else value
-        return float(np.log(value)) if inner in self.space.positive else float(value)
+        return self.space.hidden(name, value)
 
     def shown(self, u: np.ndarray) -> np.ndarray:
         """Free parameters as reported, from what the solver sees; (..., free)."""
-        columns = []
-        for i, name in enumerate(self.space.free):
-            value = np.exp(u[..., i]) if name in self.space.positive else u[..., i]
-            columns.append(np.sqrt(np.maximum(value, 0.0)) if name.startswith("k_vs_squared") else value)
-        return np.stack(columns, axis=-1)
+        return self.space.shown(u)
 
-    def minimise(self, starts: np.ndarray, low: np.ndarray | None = None, high: np.ndarray | None = None) -> Ending:
+    def minimise(
+        self, starts: np.ndarray, low: np.ndarray | None = None, high: np.ndarray | None = None
+    ) -> SolverResult:
         """Minimise again from other places or within other bounds; the same compiled program for all."""
         least = np.asarray(self.space.low if low is None else low)
         most = np.asarray(self.space.high if high is None else high)

@@ -1,13 +1,16 @@
 """What a fit may change: free, fixed, bounded and tied parameters, and what is known of them beforehand.
 
-Masses and damping are positive, so the solver sees their logarithms; the
-coupling it sees as it is. Results and errors are always of the parameter itself.
+Masses and damping are positive, so the solver sees their logarithms. Where a
+model knows the coupling only through its square, the square is what the model
+and the solver see. Results, bounds, ties and errors are always of the parameter itself.
 A tied parameter is a function of the others; its error follows by the delta method.
+
+Symbols    u what the solver sees   values what the model sees   reported the parameters themselves
 """
 
 import ast
 import operator
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -121,6 +124,8 @@ class Unknowns(eqx.Module):
         low: (free,) lower bounds, as the solver sees them.
         high: (free,) upper bounds, as the solver sees them.
         tied: Parameters that follow from others, in the order in which they are worked out.
+        squared: Those that the model sees as their square.
+        negative: Those of them that are known to be negative; the others are reported positive.
     """
 
     names: tuple[str, ...] = eqx.field(static=True)
@@ -130,9 +135,11 @@ class Unknowns(eqx.Module):
     low: np.ndarray | jax.Array
     high: np.ndarray | jax.Array
     tied: tuple[tuple[str, Tie], ...] = eqx.field(static=True, default=())
+    squared: frozenset[str] = eqx.field(static=True, default=frozenset())
+    negative: frozenset[str] = eqx.field(static=True, default=frozenset())
 
     def natural(self, unknowns: Float[Array | np.ndarray, " free"]) -> Any:
-        """All parameters (names,), from what the solver sees; of NumPy where that is given and nothing is tied."""
+        """All values (names,), from what the solver sees; of NumPy where that is given and nothing is tied."""
         numbers = np if isinstance(unknowns, np.ndarray) else jnp
         values = []
         for i, name in enumerate(self.names):
@@ -144,16 +151,58 @@ class Unknowns(eqx.Module):
         return self.complete(numbers.stack(values))
 
     def complete(self, values: Float[Array | np.ndarray, " names"]) -> Any:
-        """All parameters (names,) with the tied ones worked out from the others."""
+        """All values (names,) with the tied ones worked out from the others."""
         for name, tie in self.tied:
             values = jnp.asarray(values)
-            known = dict(zip(self.names, values, strict=True))
-            value = jnp.asarray(tie(known), dtype=float).reshape(())
-            values = values.at[self.names.index(name)].set(value)
+            value = jnp.asarray(tie(self._known(values)), dtype=float).reshape(())
+            values = values.at[self.names.index(name)].set(value**2 if name in self.squared else value)
         return values
 
+    def _known(self, values: Any) -> dict[str, Any]:
+        """Parameters by name, as a tie reads them."""
+        # a root has no derivative at 0: there a tie follows the parameter no further
+        root = lambda name, value: self._sign(name) * jnp.sqrt(jnp.maximum(value, 1e-300))  # noqa: E731
+        return {
+            name: root(name, value) if name in self.squared else value
+            for name, value in zip(self.names, values, strict=True)
+        }
+
+    def _sign(self, name: str) -> float:
+        return -1.0 if name in self.negative else 1.0
+
+    def reported(self, values: np.ndarray) -> np.ndarray:
+        """(names,) parameters themselves, from what the model sees."""
+        shown = np.array(values, dtype=float)
+        for i, name in enumerate(self.names):
+            if name in self.squared:
+                shown[i] = self._sign(name) * np.sqrt(max(shown[i], 0.0))
+        for name, tie in self.tied:
+            if name in self.squared:  # its tie knows its sign
+                shown[self.names.index(name)] = float(tie({k: jnp.asarray(v) for k, v in self._table(shown)}))
+        return shown
+
+    def _table(self, shown: np.ndarray) -> list[tuple[str, float]]:
+        return list(zip(self.names, shown.tolist(), strict=True))
+
+    def stretch(self, reported: np.ndarray) -> np.ndarray:
+        """(names,) how what the model sees follows the parameters themselves."""
+        return np.array([2 * x if name in self.squared else 1.0 for name, x in self._table(np.asarray(reported))])
+
+    def shown(self, u: np.ndarray) -> np.ndarray:
+        """(..., free) free parameters themselves, from what the solver sees."""
+        columns = []
+        for i, name in enumerate(self.free):
+            value = np.exp(u[..., i]) if name in self.positive else u[..., i]
+            columns.append(self._sign(name) * np.sqrt(np.maximum(value, 0.0)) if name in self.squared else value)
+        return np.stack(columns, axis=-1)
+
+    def hidden(self, name: str, value: float) -> float:
+        """What the solver sees of a free parameter."""
+        value = value**2 if name in self.squared else value
+        return float(np.log(value)) if name in self.positive else float(value)
+
     def seen(self, natural: np.ndarray) -> np.ndarray:
-        """What the solver sees, (starts, free), of (starts, names) values; kept inside the bounds."""
+        """What the solver sees, (starts, free), of (starts, names) values of the model; kept inside the bounds."""
         columns = []
         for name in self.free:
             values = natural[:, self.names.index(name)]
@@ -161,7 +210,7 @@ class Unknowns(eqx.Module):
         return np.clip(np.stack(columns, axis=1), self.low, self.high)
 
     def slopes(self, values: np.ndarray) -> np.ndarray:
-        """(names, free) how all parameters follow the free ones, both as they are reported."""
+        """(names, free) how all values follow the free ones, both as the model sees them."""
         at = [self.names.index(name) for name in self.free]
         plain = np.eye(len(self.names))[:, at]
         if not self.tied:
@@ -176,6 +225,7 @@ def unknowns(
     fix: Mapping[str, float] | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     tie: Mapping[str, str | Tie] | None = None,
+    squared: frozenset[str] = frozenset(),
 ) -> Unknowns:
     """The parameters of a model, some fixed, some bounded, some tied.
 
@@ -185,6 +235,7 @@ def unknowns(
         fix: Values of the fixed ones.
         bounds: Lowest and highest value of any free one.
         tie: Functions of the others, as arithmetic or as a function of a mapping from name to value.
+        squared: Those that the model sees as their square. Their sign is that of their value or bounds, else positive.
 
     Raises:
         BadName: A parameter that the model does not have.
@@ -192,14 +243,7 @@ def unknowns(
     """
     fix, bounds, tie = dict(fix or {}), dict(bounds or {}), dict(tie or {})
     for place, given in (("fix", fix), ("bounds", bounds), ("tie", tie)):
-        for name in given:
-            if name not in names:
-                raise BadName(
-                    f"{place}[{name!r}]",
-                    found=f"no parameter {name!r} in this fit",
-                    expected="one of " + ", ".join(names),
-                    remedy="Check the spelling; a parameter of one trace is written name[number].",
-                )
+        check_parameters(place, given, names)
     for name in tie:
         if name in fix or name in bounds:
             raise BadValue(
@@ -221,7 +265,7 @@ def unknowns(
             expected = f"a finite number{' of at least 0' if name in positive else ''} for {name}"
             raise BadValue(f"fix[{name!r}]", found=f"{value:g}", expected=expected, remedy="Check sign and unit.")
 
-    low, high = [], []
+    low, high, negative = [], [], {name for name in squared if fix.get(name, 0.0) < 0}
     for name in free:
         least, most = bounds.get(name, (-np.inf, np.inf))
         if not least < most or (name in positive and most <= 0):
@@ -233,10 +277,32 @@ def unknowns(
             )
         if name in positive:
             least, most = (np.log(least) if least > 0 else -np.inf), np.log(most)
+        if name in squared:
+            if most <= 0:
+                negative.add(name)
+            # an interval that holds 0 holds the square 0
+            least, most = (0.0 if least <= 0 <= most else min(least**2, most**2)), max(least**2, most**2)
         low.append(least)
         high.append(most)
-    fixed = np.array([float(fix.get(name, 1.0)) for name in names])
-    return Unknowns(names, free, positive, fixed, np.array(low), np.array(high), _in_order(names, tie))
+    fixed = np.array([float(fix.get(name, 1.0)) ** (2 if name in squared else 1) for name in names])
+    ends = np.array(low), np.array(high)
+    return Unknowns(names, free, positive, fixed, *ends, _in_order(names, tie), squared, frozenset(negative))
+
+
+def check_parameters(place: str, given: Iterable[str], names: tuple[str, ...]) -> None:
+    """Refuse a parameter that the model does not have.
+
+    Raises:
+        BadName: Naming it.
+    """
+    for name in given:
+        if name not in names:
+            raise BadName(
+                f"{place}[{name!r}]",
+                found=f"no parameter {name!r} in this fit",
+                expected="one of " + ", ".join(names),
+                remedy="Check the spelling; a parameter of one trace is written name[number].",
+            )
 
 
 def _in_order(names: tuple[str, ...], tie: Mapping[str, str | Tie]) -> tuple[tuple[str, Tie], ...]:

@@ -20,7 +20,8 @@ import numpy as np
 from jshell.calibration.joint import Joint, blocks
 from jshell.calibration.least_squares import value_and_jacobian
 from jshell.calibration.objective import Objective
-from jshell.calibration.report import FitResult
+from jshell.calibration.rebuilt import objective_of
+from jshell.calibration.result import Fit
 from jshell.errors import BadValue, MissingExtra
 from jshell.io.records import write_groups
 
@@ -89,7 +90,7 @@ class Posterior:
         return write_groups(path, groups, created_by="jshell")
 
 
-def posterior(result: FitResult, draws: int = 1000, *, warmup: int = 500, chains: int = 2, seed: int = 0) -> Posterior:
+def posterior(result: Fit, draws: int = 1000, *, warmup: int = 500, chains: int = 2, seed: int = 0) -> Posterior:
     """Draw from the posterior, starting at the fit.
 
     Args:
@@ -101,9 +102,9 @@ def posterior(result: FitResult, draws: int = 1000, *, warmup: int = 500, chains
 
     Raises:
         MissingExtra: NumPyro is not installed.
-        BadValue: A result read from a file; a robust fit; fewer than 50 draws.
+        BadValue: A robust fit; fewer than 50 draws.
     """
-    objective = result.asked()
+    objective = objective_of(result)
     if objective.loss:
         raise BadValue("posterior", found="a robust fit", expected="least squares", remedy="Use bootstrap instead.")
     if draws < 50 or warmup < 50 or chains < 1:

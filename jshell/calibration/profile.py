@@ -18,7 +18,8 @@ import scipy.special
 
 from jshell.calibration.least_squares import value_and_jacobian
 from jshell.calibration.objective import Objective
-from jshell.calibration.report import FitResult
+from jshell.calibration.rebuilt import objective_of
+from jshell.calibration.result import Fit
 from jshell.errors import BadName, BadValue, Outcome
 
 CRITERIA = ("auto", "chi2", "F")
@@ -97,21 +98,21 @@ class Profile:
 
 
 def profile(
-    result: FitResult, names: Sequence[str] | None = None, *, level: float | int = 0.95, criterion: str = "auto"
+    result: Fit, names: Sequence[str] | None = None, *, level: float | int = 0.95, criterion: str = "auto"
 ) -> Profile:
     """Intervals by profile likelihood.
 
     Args:
-        result: Of a fit in this process.
+        result: Of a fit, fresh or read from a file.
         names: Parameters; None takes all that were varied.
         level: Of confidence.
         criterion: `chi2`, `F`, or `auto`: F where errors are scaled, χ² where σ was given.
 
     Raises:
         BadName: No such criterion, or a parameter that was not varied.
-        BadValue: A level outside 0 to 1; a result read from a file; a robust fit, which has no likelihood.
+        BadValue: A level outside 0 to 1; a robust fit, which has no likelihood.
     """
-    objective = result.asked()
+    objective = objective_of(result)
     if criterion not in CRITERIA:
         raise BadName(
             f"criterion {criterion!r}", found="no such criterion", expected=" or ".join(CRITERIA), remedy="Choose one."
@@ -183,6 +184,8 @@ class Walker:
             moved[i] = u
             return float(self.objective.shown(moved)[i]) if np.isfinite(u) else np.nan
 
+        if name in self.objective.space.negative:  # the solver sees the square, which grows the other way
+            ends, reasons = ends[::-1], reasons[::-1]
         low, high = shown(ends[0]), shown(ends[1])
         rows = np.array(sorted((shown(u), d**2) for u, d in points if np.isfinite(u)))
         step = 1e-6 * max(error, 1e-300)

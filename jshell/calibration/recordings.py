@@ -92,7 +92,7 @@ def padded_length(count: int) -> int:
     return INNER * unit * -(-groups // unit)
 
 
-def gathered(traces: Sequence[Trace]) -> Recordings:
+def stacked(traces: Sequence[Trace]) -> Recordings:
     """Traces as arrays.
 
     Raises:
@@ -136,7 +136,7 @@ def gathered(traces: Sequence[Trace]) -> Recordings:
     return Recordings(times[0] if same else times, values, Reduced(*numbers), sigma if given.all() else None, counts)
 
 
-def sorted_out(records: Recordings) -> tuple[list[Bucket], np.ndarray]:
+def bucketed(records: Recordings) -> tuple[list[Bucket], np.ndarray]:
     """Buckets of records that can be fitted, even ones apart from uneven ones; and a mark on those that cannot.
 
     A sample that is missing in one channel is left out of both. Unusable are

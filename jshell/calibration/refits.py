@@ -1,12 +1,12 @@
 """Refits of data drawn again about a fit: the bootstrap.
 
 The fitted curve stays; noise is drawn anew and the constants are fitted again,
-from the minimum, many at a time. Noise that remembers keeps its memory: what is
+from the minimum, many at a time. Autocorrelated noise stays so: what is
 drawn is its fresh part. Where a table of frequencies was fitted, its shells are
 drawn instead, see `bootstrap_frequencies`.
 
 Symbols    e residual over its σ   φ memory of the noise   N data   k parameters
-Source     Efron 1979; of noise that remembers: Freedman 1984
+Source     Efron 1979; of autocorrelated noise: Freedman 1984
 """
 
 from collections.abc import Callable
@@ -18,11 +18,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jshell.calibration.bootstrap import bootstrap_frequencies
+from jshell.calibration.frequency_table import prepare
 from jshell.calibration.joint import Joint
 from jshell.calibration.least_squares import levenberg_marquardt
 from jshell.calibration.objective import Objective, evaluate
-from jshell.calibration.report import FitResult
+from jshell.calibration.rebuilt import objective_of
+from jshell.calibration.resampling import resample
+from jshell.calibration.result import Fit
 from jshell.calibration.robust import counts
 from jshell.errors import BadName, BadValue, Outcome
 
@@ -100,11 +102,11 @@ class Refits:
         }
 
 
-def bootstrap(result: FitResult, count: int = 500, *, seed: int = 0, kind: str = "auto") -> Refits:
+def bootstrap(result: Fit, count: int = 500, *, seed: int = 0, kind: str = "auto") -> Refits:
     """Fit again what might have been measured.
 
     Args:
-        result: Of a fit in this process.
+        result: Of a fit, fresh or read from a file.
         count: Refits.
         seed: Of the draws.
         kind: `normal` noise of the size that errors assume, `residuals` of the fit drawn with replacement;
@@ -112,10 +114,9 @@ def bootstrap(result: FitResult, count: int = 500, *, seed: int = 0, kind: str =
 
     Raises:
         BadName: No such kind.
-        BadValue: Fewer than 20 refits; normal noise for a robust fit; a result read from a file; the table of a fit
-            with bounds.
+        BadValue: Fewer than 20 refits; normal noise for a robust fit; the table of a fit with bounds.
     """
-    objective = result.asked()
+    objective = objective_of(result)
     if kind not in KINDS:
         raise BadName(f"kind {kind!r}", found="no such choice", expected=" or ".join(KINDS), remedy="Choose one.")
     if count < 20:
@@ -156,7 +157,7 @@ def _left(objective: Objective) -> list[np.ndarray]:
 
 
 def coloured(fresh: np.ndarray, memory: np.ndarray | None) -> np.ndarray:
-    """Noise (channels, times) that remembers, from its fresh part: the inverse of `noise.whiten`."""
+    """Autocorrelated noise (channels, times), from its fresh part: the inverse of `noise.whiten`."""
     if memory is None:
         return fresh
     e = np.array(fresh)
@@ -232,7 +233,7 @@ def _refitted(
     return jax.vmap(one)(data)
 
 
-def _shells(result: FitResult, objective: Objective, count: int, seed: int) -> Refits:
+def _shells(result: Fit, objective: Objective, count: int, seed: int) -> Refits:
     """The constants of a table whose shells are drawn again."""
     asked = result.specification
     if asked is None or asked.bounds or asked.weighting is None:
@@ -240,8 +241,6 @@ def _shells(result: FitResult, objective: Objective, count: int, seed: int) -> R
             "bootstrap", found="the fit of a table with bounds", expected="one without",
             remedy="Leave the bounds out, or use profile.",
         )  # fmt: skip
-    found = bootstrap_frequencies(result.table, asked.weighting, resamples=count, fix=asked.fix, seed=seed)
+    values, outcome = resample(prepare(result.table).rows, result, asked.weighting, tuple(asked.fix), count, seed)
     columns = [("alpha1", "alpha2", "k_vs").index(name) for name in objective.names]
-    return Refits(
-        objective.names, found.values[:, columns], objective.shown(objective.best), found.outcome, "shells", seed
-    )
+    return Refits(objective.names, values[:, columns], objective.shown(objective.best), outcome, "shells", seed)

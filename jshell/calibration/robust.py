@@ -14,12 +14,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jshell.calibration.joint import Joint, residual
-from jshell.calibration.least_squares import Ending, best_of, from_many_starts
-from jshell.calibration.losses import best_linear
+from jshell.calibration.joint import Joint
+from jshell.calibration.least_squares import SolverResult, best_of
+from jshell.calibration.linearization import best_linear_of, linearized
+from jshell.calibration.long_records import minimise
 from jshell.calibration.misfit import rows_of
 from jshell.calibration.parameters import Unknowns
-from jshell.calibration.solved import solved
 from jshell.errors import Outcome
 
 TUNING = {"huber": 1.345, "cauchy": 2.385}
@@ -48,51 +48,70 @@ class Robust:
     joint: Joint
 
 
-def reweigh(kind: str, joint: Joint, space: Unknowns, ending: Ending) -> tuple[Ending, Robust]:
+def reweigh(kind: str, joint: Joint, space: Unknowns, ending: SolverResult) -> tuple[SolverResult, Robust]:
     """Weights that settle, from the minimum of least squares; every channel has a scale of its own."""
     best, _ = best_of(ending, 0.0)
-    rows = rows_of(joint)
-    plain = [np.asarray(record.weight) for record in joint.problem.records]
-    used = np.concatenate([w.ravel() > 0 for w in plain])
-    low, high = jnp.asarray(space.low), jnp.asarray(space.high)
-    u, moving, weights = np.asarray(ending.unknowns[best]), joint, plain
+    u, moving = np.asarray(ending.unknowns[best]), joint
+    weights = [np.asarray(record.weight) for record in joint.problem.records]
+    used = np.concatenate([w.ravel() > 0 for w in weights])
 
-    def look(u: np.ndarray, moving: Joint) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
-        """Linear parameters, robust scale and standardised residual."""
+    def look(u: np.ndarray, moving: Joint) -> tuple[list[np.ndarray], np.ndarray]:
+        """Linear parameters, and the residual with the data's own weights."""
         values = np.asarray(space.natural(jnp.asarray(u)))
-        linear = [c for piece in moving.pieces(jnp.asarray(values)) for c in best_linear(*piece)]
-        r = solved(values, joint, space, linear).residual
-        scale = np.ones(r.size)
-        for _, _, at in rows:
-            scale[at] = max(1.4826 * float(np.median(np.abs(r[at][used[at]]))), 1e-300)
-        return linear, scale, r / scale
+        linear = best_linear_of(values, moving)
+        return linear, linearized(values, joint, space, linear).residual
 
     ended = jnp.asarray(int(Outcome.NOT_CONVERGED))
     for _ in range(MOST_ROUNDS):
-        _, scale, e = look(u, moving)
-        weights = _like(np.asarray(counts(kind, jnp.asarray(e))), plain)
-        heavy = [w * np.sqrt(c) / s for w, c, s in zip(plain, weights, _like(scale, plain), strict=True)]
-        moving = eqx.tree_at(
-            lambda j: [record.weight for record in j.problem.records], joint, [jnp.asarray(w) for w in heavy]
-        )
-        one = from_many_starts(residual, (space, moving), jnp.asarray(u)[None], low, high)
+        moving, _, weights = reweighed(kind, joint, look(u, moving)[1])
+        one = minimise(space, moving, u[None])
         new = np.asarray(one.unknowns[0])
         change = np.max(np.abs(new - u) / (0.1 + np.abs(u)))
         u = new
         if change < SETTLED:
             ended = one.outcome[0]
             break
-    linear, scale, e = look(u, moving)
+    linear, r = look(u, moving)
+    scale = _scale(joint, r)
     # the best start is what the last weights made of it; the others are told as least squares left them
     ending = eqx.tree_at(
         lambda x: (x.unknowns, x.outcome),
         ending,
         (ending.unknowns.at[best].set(u), ending.outcome.at[best].set(ended)),
     )
-    influence, slope = _influence(kind, e[used])
+    influence, slope = _influence(kind, (r / scale)[used])
     freedom = max(1, int(used.sum()) - len(space.free) - sum(c.size for c in linear))
     variance = used.sum() / freedom * float(np.mean(influence**2)) / float(np.mean(slope)) ** 2
     return ending, Robust(kind, float(variance), scale, weights, linear, moving)
+
+
+def reweighed(kind: str, joint: Joint, r: np.ndarray) -> tuple[Joint, np.ndarray, list[np.ndarray]]:
+    """The problem with the weights that a residual calls for.
+
+    Args:
+        kind: Of the loss.
+        joint: The problem with the data's own weights.
+        r: (data,) its residual.
+
+    Returns:
+        The problem; (data,) robust scale; per record, (channels, times) how much each sample counts.
+    """
+    plain, scale = [np.asarray(record.weight) for record in joint.problem.records], _scale(joint, r)
+    weights = _like(np.asarray(counts(kind, jnp.asarray(r / scale))), plain)
+    heavy = [w * np.sqrt(c) / s for w, c, s in zip(plain, weights, _like(scale, plain), strict=True)]
+    moved = eqx.tree_at(
+        lambda j: [record.weight for record in j.problem.records], joint, [jnp.asarray(w) for w in heavy]
+    )
+    return moved, scale, weights
+
+
+def _scale(joint: Joint, r: np.ndarray) -> np.ndarray:
+    """(data,) 1.48 times the median size of each channel's residual."""
+    used = np.concatenate([np.asarray(record.weight).ravel() > 0 for record in joint.problem.records])
+    scale = np.ones(r.size)
+    for _, _, at in rows_of(joint):
+        scale[at] = max(1.4826 * float(np.median(np.abs(r[at][used[at]]))), 1e-300)
+    return scale
 
 
 def _like(flat: np.ndarray, shapes: list[np.ndarray]) -> list[np.ndarray]:

@@ -8,11 +8,17 @@ Symbols    s = -1/τ + iΩ pole   ω² = Ω² + 1/τ²   A complex amplitude
 Source     Hua & Sarkar 1990 (matrix pencil); Mokbel et al. 2021: eq:eqmovadimV, eq:eqmovadimS
 """
 
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from jshell.calibration.frequency_model import start_from_data
+from jshell.calibration.frequency_table import Frequencies
+from jshell.calibration.joint import Joint, nominal_values, single_names
+from jshell.calibration.losses import Problem
 from jshell.calibration.records import Record
+from jshell.oscillator.coefficients import tied_beta2
 from jshell.signals import rates
 
 
@@ -119,3 +125,82 @@ def blind_start(random: np.random.Generator, records: list[Record]) -> np.ndarra
     eta = np.mean([max(float(one.conditions.viscosity), 1e-300) for one in records])
     alpha1, alpha2 = np.exp(random.uniform(np.log(1.0), np.log(8.0))), np.exp(random.uniform(np.log(0.3), np.log(3.0)))
     return np.array([alpha1, alpha2, random.uniform(-0.4, 0.4), alpha1 / (2 * eta * random.uniform(4.0, 40.0))])
+
+
+def first_start(loss: str, records: list[Record], modes: list[Modes], fix: Mapping[str, float]) -> np.ndarray:
+    """The constants that the modes of records imply: as `strict_start`, or alpha1, alpha2, k_vs² of a modal fit."""
+    if loss == "strict":
+        return strict_start(records, modes, dict(fix))
+    table = Frequencies(
+        np.array([float(one.state.volume) for one in records]),
+        np.array([float(one.state.pressure) for one in records]),
+        np.array([float(one.conditions.kappa) for one in records]),
+        np.array([0.5 / (1 - float(one.conditions.poisson_ratio)) for one in records]),
+        np.array([np.sqrt(found.squared) for found in modes]),
+        np.ones((len(records), 2)),
+    )
+    return start_from_data(table, fix)
+
+
+def starts_of_constants(
+    problem: Problem, modes: Sequence[Modes | None], fix: Mapping[str, float], count: int, seed: int
+) -> np.ndarray:
+    """(starts, names): one from the modes, others scattered around it; blind draws where no modes are found."""
+    random = np.random.default_rng(seed)
+    records = list(problem.records)
+    pairs = [(one, found) for one, found in zip(records, modes, strict=True) if found is not None]
+    first = first_start(problem.loss, [one for one, _ in pairs], [found for _, found in pairs], fix) if pairs else None
+    if problem.loss == "strict":
+        if first is None:
+            rows = np.stack([blind_start(random, records) for _ in range(4 * (count + 1))])
+        else:
+            noise = random.standard_normal((count, 4))
+            moved = first * np.exp(np.array([0.2, 0.2, 0.0, 0.2]) * noise)
+            moved[:, 2] += 0.1 * noise[:, 2]
+            rows = np.vstack([first, moved])
+        if not problem.tied:
+            b2 = tied_beta2(rows[:, 0], rows[:, 1], rows[:, 3], problem.dipole)
+            rows = np.column_stack([rows, b2])
+        return rows
+
+    tau = np.array([8.0 if found is None else found.tau for found in modes])
+    if first is not None:
+        first = np.append(first, tau)
+        spread = np.full(first.size, 0.1)
+        return np.vstack([first, first * np.exp(spread * random.standard_normal((count, first.size)))])
+    drawn = [blind_start(random, records)[:3] ** np.array([1, 1, 2]) for _ in range(4 * (count + 1))]
+    return np.stack([np.append(one, tau) for one in drawn])
+
+
+def starts_of_fit(
+    joint: Joint, modes: Sequence[Modes | None], fix: Mapping[str, float], count: int, seed: int
+) -> np.ndarray:
+    """(starts, parameters): shared constants from all traces, local ones from the trace's own modes.
+
+    Args:
+        joint: The traces and their parameters.
+        modes: Found in each trace, or None.
+        fix: Values of constants not to be fitted.
+        count: Random starts beside the one from the modes.
+        seed: Of the random ones.
+    """
+    problem, nominal = joint.problem, nominal_values(joint)
+    shared = starts_of_constants(problem, modes, fix, count, seed)
+    plain, rows = problem.names, np.ones((len(shared), len(joint.names)))
+    names = single_names(problem)
+    for number, (record, places) in enumerate(zip(problem.records, joint.places, strict=True)):
+        found = modes[number]
+        local = [joint.names[place].endswith("]") and name != "tau" for name, place in zip(names, places, strict=True)]
+        heard = None
+        if problem.loss == "strict" and found is not None and any(local):
+            heard = strict_start([record], [found], dict(fix))
+        for k, (name, place) in enumerate(zip(names, places, strict=True)):
+            base = f"tau[{number + 1}]" if name == "tau" and "tau" not in plain else name
+            values = shared[:, plain.index(base)]
+            if local[k] and heard is not None and k < 4:
+                first = shared[0, plain.index(base)]
+                values = values / first * heard[k] if first != 0 else values + heard[k]
+            rows[:, place] = values
+    for name, value in nominal.items():
+        rows[:, joint.names.index(name)] = value
+    return rows

@@ -124,6 +124,18 @@ def in_words(direction: np.ndarray, names: tuple[str, ...]) -> str:
     return ", ".join(f"{names[i]} {100 * d[i] / abs(d[order[0]]):+.0f}%" for i in order)
 
 
+def information(chi_square: float, count: int, varied: int) -> tuple[float, float]:
+    """AIC = N ln(χ²/N) + 2k and BIC = N ln(χ²/N) + k ln N, as lmfit defines them.
+
+    Args:
+        chi_square: Weighted sum of squares; 0 counts as nearly that.
+        count: N, data.
+        varied: k, varied parameters.
+    """
+    logarithm = count * np.log(max(chi_square, 1e-250 * count) / count)
+    return float(logarithm + 2 * varied), float(logarithm + np.log(count) * varied)
+
+
 def propagate(gradient: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     """Standard errors of functions with a (functions, parameters) gradient."""
     return np.sqrt(np.einsum("fi,ij,fj->f", gradient, covariance, gradient).clip(0))

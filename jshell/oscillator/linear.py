@@ -13,10 +13,12 @@ Source     Mokbel et al. 2021: eq:eqmovadimV, eq:eqmovadimS, eq:defw, eq:limstab
 """
 
 import math
+from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Complex, Float
 
 from jshell.oscillator.coefficients import Coefficients, dipole_dissipation
@@ -106,13 +108,20 @@ def frequencies_of_square(
     Smooth at k_VS² = 0 and beyond, where a fit may want to pass.
     """
     V, P = jnp.asarray(volume), jnp.asarray(pressure)
-    a = 4 * jnp.pi * kappa * P / (alpha1 * V)
-    b = 9 * jnp.pi**2 * area_modulus / (8 * alpha2 * V**2)
-    c = 18 * jnp.pi**4 * k_vs_squared / (alpha1 * alpha2 * V**4)
+    return jnp.stack(squares(V, P, alpha1, alpha2, k_vs_squared, kappa, area_modulus, jnp.sqrt))
 
-    fast = (a + b) / 2 + jnp.sqrt(((a - b) / 2) ** 2 + c)
-    slow = (a * b - c) / fast
-    return jnp.stack([slow, fast])
+
+def squares(V: Any, P: Any, alpha1: Any, alpha2: Any, k2: Any, kappa: Any, K_A: Any, sqrt: Any = np.sqrt) -> tuple:
+    """The formula itself, of numbers or arrays of NumPy or, with its `sqrt`, of JAX: slow and fast ω².
+
+    Volume alone would oscillate at `a`, area alone at `b`; `c` couples them.
+    """
+    a = 4 * np.pi * kappa * P / (alpha1 * V)
+    b = 9 * np.pi**2 * K_A / (8 * alpha2 * V**2)
+    c = 18 * np.pi**4 * k2 / (alpha1 * alpha2 * V**4)
+
+    fast = (a + b) / 2 + sqrt(((a - b) / 2) ** 2 + c)
+    return (a * b - c) / fast, fast
 
 
 def stability_margin(state: RestState, coefficients: Coefficients, conditions: Reduced) -> Float[Array, ""]:

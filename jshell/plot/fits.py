@@ -1,26 +1,20 @@
-"""Fits of traces: data, curve and residual of every trace and channel.
-
-A `FitResult` keeps the weighted residual, not the curve; with the weights that
-the fit gave the same samples, curve = data + residual/weight, to rounding.
-"""
+"""Fits of traces: data, curve and residual of every trace and channel."""
 
 from collections.abc import Sequence
 
-import jax.numpy as jnp
 import numpy as np
 import scipy.interpolate
 
+from jshell.calibration.curves import fitted_curves
 from jshell.calibration.profile import Profile
-from jshell.calibration.records import record, windowed
+from jshell.calibration.records import windowed
 from jshell.calibration.report import FitResult
 from jshell.errors import BadShape
 from jshell.plot.style import BLUE, CHANNEL, ONE, Axes, new_figure, style
 from jshell.plot.traces import compare, reading
-from jshell.shell.rest import RestState
 from jshell.trace import Trace
 
 PROFILED = {"alpha1": "α₁", "alpha2": "α₂", "k_vs": "k_VS", "beta1": "β₁", "beta2": "β₂", "tau": "τ"}
-AT_REST = " at rest [1]"  # every channel of the first trace has one such estimate
 
 
 def trace_fit(
@@ -45,9 +39,9 @@ def trace_fit(
     Raises:
         BadShape: Traces or a window other than the fit's; too few axes.
     """
-    cut, names = _cut(result, traces, start, stop), fitted_channels(result)
+    cut, names = _cut(result, traces, start, stop), result.channels
     pairs = [(trace, name) for trace in cut for name in names]
-    curves = fitted(result, cut)
+    curves = [curve for each in fitted_curves(result, cut) for curve in each.values()]
     with style():
         if axes is None:
             figure = new_figure((ONE[0] * len(names), 0.9 * ONE[1] * len(cut)))
@@ -86,46 +80,6 @@ def _cut(
             remedy="Draw a fit of frequencies with `master_curve`.",
         )
     return list(result.traces)
-
-
-def fitted_channels(result: FitResult) -> tuple[str, ...]:
-    """The channels that a trace fit read, in its order.
-
-    Raises:
-        BadShape: The result is not one of a trace fit.
-    """
-    names = tuple(e.name.removesuffix(AT_REST) for e in result.estimates if e.name.endswith(AT_REST))
-    if not names:
-        raise BadShape(
-            f"result {result.title!r}",
-            found="no channels",
-            expected="the result of a trace fit",
-            remedy="Draw a fit of frequencies with `master_curve`.",
-        )
-    return names
-
-
-def fitted(result: FitResult, cut: Sequence[Trace]) -> list[np.ndarray]:
-    """The fitted curve of every trace and channel, at the samples of the traces in the fit's window."""
-    names = fitted_channels(result)
-    unused = RestState(jnp.asarray(1.0), jnp.asarray(1.0))  # a record's weights do not depend on its rest state
-    records = [record(trace, names, unused) for trace in cut]
-    size = sum(one.data.size for one in records)
-    if size != result.residual.size:
-        raise BadShape(
-            "traces",
-            found=f"{size} samples of {', '.join(names)}",
-            expected=f"the {result.residual.size} that were fitted",
-            remedy="Give the traces, and `start` and `stop`, that the fit was given.",
-        )
-    found, at = [], 0
-    for one in records:
-        for data, weight in zip(np.asarray(one.data), np.asarray(one.weight), strict=True):
-            used = weight > 0
-            left = np.asarray(result.residual[at : at + data.size])
-            found.append(np.where(used, data + left / np.where(used, weight, 1.0), np.nan))  # no datum, no residual
-            at += data.size
-    return found
 
 
 def _between(points: np.ndarray, value: float, across: np.ndarray) -> np.ndarray:

@@ -17,7 +17,7 @@ from urllib.parse import quote
 import jshell.errors
 from jshell import io
 from jshell.calibration import BatchResult, FitResult, Recordings, load
-from jshell.calibration.recordings import gathered
+from jshell.calibration.recordings import stacked
 from jshell.dynamics import Mode
 from jshell.errors import BadValue, JshellError, NotOk, require_extra
 from jshell.files import NamedBytes
@@ -174,7 +174,9 @@ class Client:
         """
         listed = [traces] if isinstance(traces, str | Path | Trace) else list(traces)
         ids = [one if sending.is_id(one) else self.upload(one) for one in listed]
-        return self._job(self._send("POST", "/fits", json=sending.plain(options) | {"traces": ids}, key=key).json())
+        return self._job(
+            self._send("POST", "/fits", json=sending.fit_options(options) | {"traces": ids}, key=key).json()
+        )
 
     def fit_batch(
         self, traces: Recordings | Sequence[Trace] | str | Path, *, seconds: float | int = 3600.0, **options: Any
@@ -215,7 +217,7 @@ class Client:
         """
         if isinstance(traces, str | Path):
             return self._submit_batch(*sending.content(traces), key, options)
-        records = traces if isinstance(traces, Recordings) else gathered(list(traces))
+        records = traces if isinstance(traces, Recordings) else stacked(list(traces))
         return self._submit_batch("batch.npz", batches.pack(records), key, options)
 
     def _submit_batch(self, name: str, content: bytes, key: str | None, options: Mapping[str, Any]) -> Job:

@@ -15,7 +15,7 @@ from jshell.files import NamedBytes
 from jshell.service import batches
 from jshell.service.problems import NotReady
 from jshell.service.safety import neutral_csv
-from jshell.service.schemas import Conditions, FitOptions, ModesRequest, SimulateRequest, finite
+from jshell.service.schemas import Conditions, FitRequest, ModesRequest, SimulateRequest, finite
 from jshell.service.store import JobRow, Store
 from jshell.trace import Trace
 
@@ -105,7 +105,7 @@ def file_name(store: Store, job: JobRow, suffix: str) -> str:
     return f"{PurePath(store.trace(job.traces[0]).name).stem}-{job.kind}-{job.id[:8]}.{suffix}"
 
 
-def fit_specification(options: FitOptions) -> dict[str, Any]:
+def fit_specification(options: FitRequest) -> dict[str, Any]:
     """What a worker is asked to fit: only what differs from the library's defaults."""
     return options.model_dump(mode="json", exclude={"traces"}, exclude_defaults=True)
 

@@ -10,10 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jshell.calibration.frequency_table import Frequencies
-from jshell.calibration.master_curve import start_from_data
 from jshell.calibration.records import Record, chosen_channels, filled, record, rest_state, windowed
-from jshell.calibration.starts import Modes, find_modes, strict_start
+from jshell.calibration.starts import Modes, find_modes, first_start
 from jshell.errors import JshellError
 from jshell.trace import Trace
 
@@ -56,8 +54,6 @@ def preview(
     Raises:
         JshellError: What the fit itself would refuse of the traces.
     """
-    if loss is None and not channels and all({"V", "S"} <= set(trace.channels) for trace in traces):
-        loss, channels = "strict", ("V", "S")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         cut = windowed(traces, start, stop)
@@ -100,19 +96,8 @@ def _curve(trace: Trace, names: Sequence[str], found: Modes) -> dict[str, np.nda
 def _start(loss: str, ready: list[Record], heard: list[Modes], fix: dict[str, float]) -> dict[str, float]:
     """The first start of the library, by name."""
     known = {name: value for name, value in fix.items() if "[" not in name}
+    first = first_start(loss, ready, heard, known).tolist()
     if loss == "strict":
-        names = ("alpha1", "alpha2", "k_vs", "beta1")
-        return dict(zip(names, strict_start(ready, heard, known).tolist(), strict=True))
-    if "k_vs" in known:
-        known["k_vs_squared"] = known.pop("k_vs") ** 2
-    table = Frequencies(
-        np.array([float(one.state.volume) for one in ready]),
-        np.array([float(one.state.pressure) for one in ready]),
-        np.array([float(one.conditions.kappa) for one in ready]),
-        np.array([0.5 / (1 - float(one.conditions.poisson_ratio)) for one in ready]),
-        np.array([np.sqrt(found.squared) for found in heard]),
-        np.ones((len(ready), 2)),
-    )
-    alpha1, alpha2, square = np.asarray(start_from_data(table, known)).tolist()
-    found = {"alpha1": alpha1, "alpha2": alpha2, "k_vs": float(np.sqrt(max(square, 0.0)))}
+        return dict(zip(("alpha1", "alpha2", "k_vs", "beta1"), first, strict=True))
+    found = {"alpha1": first[0], "alpha2": first[1], "k_vs": float(np.sqrt(max(first[2], 0.0)))}
     return found | {f"tau[{i}]" if len(heard) > 1 else "tau": one.tau for i, one in enumerate(heard, 1)}

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import PurePath
 
 from jshell import io
+from jshell.calibration.records import usual_channels
 from jshell.errors import JshellError
 from jshell.files import NamedBytes
 from jshell.io.formats import FORMATS, read_sheet
@@ -42,7 +43,7 @@ class Look:
     @property
     def loss(self) -> str:
         """The loss that a fit of this trace takes by itself."""
-        return "strict" if {"V", "S"} <= set(self.trace.channels) else "modal"
+        return usual_channels([self.trace])[0]
 
 
 def look(name: str, content: bytes) -> Look:

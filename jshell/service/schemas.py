@@ -5,16 +5,17 @@ the library parses itself. Nothing here can name a function or a file.
 """
 
 import math
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, StringConstraints
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, StringConstraints, create_model
 
+from jshell.calibration.options import CONDITIONS, CONSTANTS, OPTIONS, choices_of, default_of, words_of
 from jshell.shell.presets import R
 
 Id = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{8,64}$", max_length=64)]
 Text = Annotated[str, StringConstraints(min_length=1, max_length=200)]
-Constant = Annotated[str, StringConstraints(pattern=r"^(alpha1|alpha2|k_vs|beta1|beta2|tau)(\[[1-9][0-9]{0,4}\])?$")]
-Condition = Literal["thickness", "youngs_modulus", "gas_pressure", "outer_pressure", "viscosity"]
+Constant = Annotated[str, StringConstraints(pattern=rf"^({'|'.join(CONSTANTS)})(\[[1-9][0-9]{{0,4}}\])?$")]
+Condition = Literal[CONDITIONS]
 Key = Annotated[str, StringConstraints(min_length=1, max_length=200, pattern=r"^[\x21-\x7e]+$")]
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-1e12, le=1e12)]
 Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0, le=1e12)]
@@ -60,41 +61,53 @@ class Prior(Wire):
     sigma: Positive
 
 
-class FitOptions(Wire):
-    """The options of `jshell.calibration.fit_trajectories`, in plain values; all may be left out."""
-
-    loss: Literal["strict", "modal"] | None = Field(None, description="strict: V and S; modal: any channel.")
-    channels: list[Text] | None = Field(None, min_length=1, max_length=20, description="Channels to read.")
-    solver: Literal["exact", "diffrax"] = "exact"
-    equilibrium: Literal["plateau", "trace"] = Field("plateau", description="Where the rest state comes from.")
-    fix: dict[Constant, Number] = Field(default_factory=dict, max_length=100, description="Constants not to be fitted.")
-    bounds: dict[Constant, Bounds] = Field(
-        default_factory=dict, max_length=100, description="Lowest and highest value; null is open."
-    )
-    tie: dict[Constant, Text] = Field(
-        default_factory=dict, max_length=100, description='Arithmetic of other constants, e.g. "0.3*alpha1".'
-    )
-    local: list[Constant | Condition] = Field(
-        default_factory=list, max_length=20, description="Parameters that every trace has of its own."
-    )
-    uncertain: dict[Condition, Positive | None] = Field(
-        default_factory=dict, description="Conditions that are parameters, with their relative standard error."
-    )
-    priors: dict[Constant, Prior] = Field(default_factory=dict, max_length=100)
-    robust: Literal["huber", "cauchy"] | None = None
-    noise: Literal["auto", "white"] = "auto"
-    start: Number | None = Field(None, description="First time read, dimensionless.")
-    stop: Number | None = Field(None, description="Last time read, dimensionless.")
-    drop: list[tuple[Number, Number]] = Field(default_factory=list, max_length=100, description="Spans to leave out.")
-    missing: Literal["refuse", "drop"] = "refuse"
-    beta2: Literal["equal_decay", "free"] = "equal_decay"
-    dipole: Literal["corrected", "printed"] = "corrected"
-    starts: Whole = Field(3, ge=0, le=50, description="Random starts beside the one from the spectrum.")
-    seed: Whole = Field(0, ge=0, le=2**31 - 1)
-    profile: bool = Field(False, strict=True, description="Asymmetric 95 % intervals by profile likelihood as well.")
+def _or_none(kind: Any) -> Any:
+    return kind | None
 
 
-class FitRequest(FitOptions):
+_MANY: dict[str, Any] = {"default_factory": dict, "max_length": 100}
+_WIRE: dict[str, tuple[Any, dict[str, Any]]] = {  # what may come over the wire of an option, and how much of it
+    "fix": (dict[Constant, Number], _MANY),
+    "bounds": (dict[Constant, Bounds], _MANY),
+    "tie": (dict[Constant, Text], _MANY),
+    "local": (list[Constant | Condition], {"default_factory": list, "max_length": 20}),
+    "uncertain": (dict[Condition, Positive | None], {"default_factory": dict}),
+    "priors": (dict[Constant, Prior], _MANY),
+    "channels": (list[Text] | None, {"default": None, "min_length": 1, "max_length": 20}),
+    "start": (_or_none(Number), {"default": None}),
+    "stop": (_or_none(Number), {"default": None}),
+    "drop": (list[tuple[Number, Number]], {"default_factory": list, "max_length": 100}),
+    "starts": (Whole, {"default": default_of("starts"), "ge": 0, "le": 50}),
+    "seed": (Whole, {"default": default_of("seed"), "ge": 0, "le": 2**31 - 1}),
+}
+_PROFILE = "Asymmetric 95 % intervals by profile likelihood as well."
+
+
+def _field(name: str) -> tuple[Any, Any]:
+    """An option of `jshell.calibration.FitOptions` as a field of a request."""
+    words = words_of(name)
+    words = words[0].upper() + words[1:] + "."
+    if name in _WIRE:
+        kind, limits = _WIRE[name]
+        return kind, Field(description=words, **limits)
+    known = choices_of(name)
+    kind = Literal[tuple(one for one in known if one is not None)]
+    return (_or_none(kind) if None in known else kind), Field(default_of(name), description=words)
+
+
+_FIELDS = {name: _field(name) for name in OPTIONS}
+_FIELDS["profile"] = (bool, Field(False, strict=True, description=_PROFILE))
+
+if TYPE_CHECKING:
+
+    class Options(Wire):
+        """All may be left out; names, choices, words and defaults are those of `jshell.calibration.FitOptions`."""
+
+else:
+    Options = create_model("Options", __base__=Wire, **_FIELDS)
+
+
+class FitRequest(Options):
     """Fit the short model to one or many traces that share their constants."""
 
     traces: list[Id] = Field(min_length=1, max_length=10_000, description="Identifiers that POST /traces gave.")

@@ -7,7 +7,8 @@ from typing import Any
 
 from jshell import io
 from jshell.calibration import Recordings
-from jshell.calibration.recordings import gathered
+from jshell.calibration.options import OPTIONS, FitOptions, check_names
+from jshell.calibration.recordings import stacked
 from jshell.errors import BadValue
 from jshell.files import NamedBytes
 from jshell.io.files import read_bytes
@@ -24,24 +25,31 @@ def is_id(one: object) -> bool:
     return isinstance(one, str) and len(one) == 32 and all(letter in "0123456789abcdef" for letter in one)
 
 
-def plain(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Options as JSON knows them: an infinite bound is open.
+def fit_options(given: Mapping[str, Any]) -> dict[str, Any]:
+    """The options of a fit that are not usual, as JSON.
 
     Raises:
+        BadName: A choice that does not exist, or no such option.
         BadValue: A tie that is a function.
     """
-    found = {}
-    for name, value in options.items():
-        if name == "bounds":
-            ends = lambda pair: [None if math.isinf(float(x)) else float(x) for x in pair]  # noqa: E731
-            value = {key: ends(pair) for key, pair in value.items()}
-        elif name == "priors":
-            value = {key: {"mean": float(one.mean), "sigma": float(one.sigma)} for key, one in value.items()}
-        elif name == "tie" and not all(isinstance(text, str) for text in value.values()):
-            raise BadValue(
-                "tie", found="a function", expected="arithmetic as text: jobs are data", remedy='Write "0.3*alpha1".'
-            )
-        found[name] = value
+    profile = {"profile": True} if given.get("profile") else {}
+    own = {name: value for name, value in given.items() if name != "profile" and value is not None}
+    check_names(own, OPTIONS)
+    options = FitOptions(**own)
+    if not all(isinstance(text, str) for text in options.tie.values()):
+        raise BadValue(
+            "tie", found="a function", expected="arithmetic as text: jobs are data", remedy='Write "0.3*alpha1".'
+        )
+    record = options.record()
+    return plain({name: record[name] for name in options.differing()}) | profile
+
+
+def plain(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Options as JSON knows them: an infinite bound is open."""
+    found = dict(options)
+    if "bounds" in found:
+        ends = lambda pair: [None if math.isinf(float(x)) else float(x) for x in pair]  # noqa: E731
+        found["bounds"] = {name: ends(pair) for name, pair in found["bounds"].items()}
     return found
 
 
@@ -80,7 +88,7 @@ def whole(traces: Recordings | Sequence[Trace] | str | Path) -> Whole:
     if isinstance(traces, Recordings):
         return traces
     if not isinstance(traces, str | Path):
-        return gathered(list(traces))
+        return stacked(list(traces))
     name, found = content(traces)
     if name.lower().endswith(".zip"):
         return archives.files(name, found)

@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 
 from jshell import calibration, dynamics, io, oscillator
-from jshell.calibration.specification import Specification
-from jshell.calibration.stored import stored
+from jshell.calibration.options import OPTIONS, FitOptions, check_names
+from jshell.calibration.serialization import stored
 from jshell.errors import BadValue, JshellError, LimitReached, choose
 from jshell.files import NamedBytes
 from jshell.io.files import bytes_written
@@ -32,14 +32,13 @@ from jshell.service.shared_file import FileRef
 from jshell.shell import Reduced
 from jshell.trace import Trace
 
-FIT = frozenset(Specification.__dataclass_fields__) - {"kind", "weighting"}
-FIT_MORE = frozenset({"conditions", "profile", "netcdf"})
-BATCH = frozenset({"solver", "equilibrium", "fix", "bounds", "starts", "seed"})
-SIMULATOR = frozenset(
-    {"duration", "every", "ramp", "elements", "attached", "shell_density", "step", "follow", "tolerance", "netcdf"}
-)
-MODES = frozenset({"liquid", "count", "elements", "attached"})
-OSCILLATOR = frozenset({"duration", "every", "coefficients", "initial", "netcdf"})
+FIT_MORE = ("conditions", "profile", "netcdf")  # of a job beside the options of the fit
+BATCH = ("solver", "equilibrium", "fix", "bounds", "starts", "seed")
+SIMULATOR = (
+    "duration", "every", "ramp", "elements", "attached", "shell_density", "step", "follow", "tolerance", "netcdf",
+)  # fmt: skip
+MODES = ("liquid", "count", "elements", "attached")
+OSCILLATOR = ("duration", "every", "coefficients", "initial", "netcdf")
 Files = Sequence[tuple[str, Content]]
 _USUAL = {"d_hat": 0.22, "P0_hat": 0.9, "Pext_hat": 1.6, "eta_hat": 0.004}
 
@@ -105,19 +104,12 @@ def fit(specification: Mapping[str, Any], files: Files) -> dict[str, bytes]:
     Raises:
         JshellError: As `jshell.calibration.fit_trajectories` and `jshell.io.read_trace`.
     """
-    _known(specification, FIT | FIT_MORE)
-    asked = {name: value for name, value in specification.items() if name in FIT}
+    check_names(specification, (*OPTIONS, *FIT_MORE))
+    options = FitOptions.from_record({name: value for name, value in specification.items() if name in OPTIONS})
     given = specification.get("conditions")
     meta = None if given is None else NamedBytes("conditions.json", json.dumps(given).encode())
     traces = [io.read_trace(NamedBytes(*file), meta=meta) for file in files]
-    free = asked.get("loss") is None and not asked.get("channels")
-    if free and traces and all({"V", "S"} <= set(trace.channels) for trace in traces):
-        asked |= {"loss": "strict", "channels": ("V", "S")}
-    priors = {name: calibration.Prior(**value) for name, value in (asked.pop("priors", None) or {}).items()}
-    bounds = {name: _limits(pair) for name, pair in (asked.pop("bounds", None) or {}).items()}
-    drop = tuple(tuple(span) for span in asked.pop("drop", None) or ())
-    local = tuple(asked.pop("local", None) or ())
-    found = calibration.fit_trajectories(traces, **asked, priors=priors, bounds=bounds, drop=drop, local=local)
+    found = calibration.fit_trajectories(traces, options=options)
     made = {
         "record.json": encode_record("fit", stored(found)),
         "report.txt": found.report().encode(),
@@ -140,7 +132,7 @@ def batch(specification: Mapping[str, Any], files: Files) -> dict[str, bytes]:
     Raises:
         JshellError: As `jshell.calibration.fit_batch`.
     """
-    _known(specification, BATCH)
+    check_names(specification, BATCH)
     asked = dict(specification)
     asked["bounds"] = {name: _limits(pair) for name, pair in (asked.pop("bounds", None) or {}).items()}
     records = batches.read(files)
@@ -173,7 +165,7 @@ def motion(specification: Mapping[str, Any]) -> Trace:
     given = asked.pop("conditions", None)
     asked.pop("netcdf", None)
     choose("model", model, ("simulator", "oscillator"), expected="simulator or oscillator")
-    _known(asked, SIMULATOR if model == "simulator" else OSCILLATOR)
+    check_names(asked, SIMULATOR if model == "simulator" else OSCILLATOR)
     conditions = _conditions(given)
     if model == "simulator":
         return dynamics.simulate(conditions, **asked)
@@ -199,7 +191,7 @@ def modes(specification: Mapping[str, Any], files: Files = ()) -> dict[str, byte
     """
     asked = dict(specification)
     conditions = _conditions(asked.pop("conditions", None))
-    _known(asked, MODES)
+    check_names(asked, MODES)
     rows = [dataclasses.asdict(row) for row in dynamics.modes(conditions, **asked).table()]
     file = streams.StringIO()
     writer = csv.DictWriter(file, fieldnames=list(rows[0]), lineterminator="\n")
@@ -226,11 +218,6 @@ def _warm() -> None:
     """Compile what a usual fit needs, once a process: two channels, up to 512 samples."""
     trace = motion({"model": "oscillator", "conditions": _USUAL, "duration": 40.0, "every": 0.1})
     calibration.fit_trajectories(trace, "strict")
-
-
-def _known(specification: Mapping[str, Any], names: frozenset[str]) -> None:
-    for name in specification:
-        choose("option", name, sorted(names), remedy="Leave it out, or choose one of these.")
 
 
 def _limits(pair: Sequence[float | int | None]) -> tuple[float, float]:

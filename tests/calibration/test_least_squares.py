@@ -93,3 +93,15 @@ def test_impossible_parameters_are_refused():
     with pytest.raises(BadValue, match="bounds"):
         unknowns(("a",), frozenset({"a"}), None, {"a": (2.0, 1.0)})
     assert float(unknowns(("a",), frozenset({"a"}), None, {"a": (1.0, np.e)}).high[0]) == pytest.approx(1)
+
+
+def test_names_of_the_release_before_answer_and_say_the_new_one():
+    from jshell.calibration import least_squares, losses
+
+    for room, old, new in (
+        (least_squares, "Ending", least_squares.SolverResult),
+        (losses, "left_over", losses.linear_residual),
+        (losses, "best", losses.solve_linear),
+    ):
+        with pytest.warns(DeprecationWarning, match=new.__name__):
+            assert getattr(room, old) is new

@@ -5,16 +5,16 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jshell.calibration import fit_trajectories, long_records, prepare
-from jshell.calibration.joint import join
+from jshell.calibration import Prior, fit_trajectories, long_records, prepare
+from jshell.calibration.joint import join, residual
 from jshell.calibration.least_squares import value_and_jacobian
+from jshell.calibration.linearization import linearized
 from jshell.calibration.long_records import condensed, look_at_all
-from jshell.calibration.losses import residual
 from jshell.calibration.parameters import unknowns
-from jshell.calibration.solved import solved
 from jshell.errors import Outcome
 from jshell.oscillator import random_shell, random_trace
 
+RATIO = float(random_shell(4).coefficients.alpha2 / random_shell(4).coefficients.alpha1)
 SAMPLES = 500  # two blocks and a part of one, of 200
 
 
@@ -39,8 +39,8 @@ def test_blocks_give_the_residual_the_gradient_and_the_jacobian_of_all_rows(loss
     p = [c.alpha1, 1.02 * c.alpha2, c.k_vs, c.beta1] if loss == "strict" else [c.alpha1, c.alpha2, 1.1 * c.k_vs**2, tau]
     p, joint = np.array(p, dtype=float), join(problem)
     space = unknowns(problem.names, frozenset({"alpha1", "alpha2"}))
-    whole = solved(p, joint, space)
-    _, r, J, plain = look_at_all(p, problem)
+    whole = linearized(p, joint, space)
+    _, r, J, plain = look_at_all(p, joint.alone(0))
     # both find the linear parameters to rounding times the basis's condition
     np.testing.assert_allclose(r, whole.residual, atol=1e-7)
     np.testing.assert_allclose(J, whole.jacobian[:, :4], atol=1e-9 * np.abs(whole.jacobian).max())
@@ -48,8 +48,8 @@ def test_blocks_give_the_residual_the_gradient_and_the_jacobian_of_all_rows(loss
         np.testing.assert_allclose(mine, theirs, atol=1e-10 * np.abs(theirs).max())
 
     u = jnp.asarray(space.seen(p[None])[0])
-    rows = np.asarray(eqx.filter_jit(condensed)(u, (space, problem)))
-    left, slopes = _plain(u, (space, problem))
+    rows = np.asarray(eqx.filter_jit(condensed)(u, (space, joint)))
+    left, slopes = _plain(u, (space, joint))
     assert rows[:, -1] @ rows[:, -1] == pytest.approx(float(left @ left), rel=1e-10)
     gradient = np.asarray(slopes.T @ left)
     np.testing.assert_allclose(rows[:, :-1].T @ rows[:, -1], gradient, rtol=1e-6, atol=1e-9 * np.abs(gradient).max())
@@ -75,3 +75,46 @@ def test_thinning_keeps_the_first_sample_and_the_spacing(short_blocks):
     few = long_records._thinned(record)
     assert few.elapsed.size == 100
     np.testing.assert_allclose(np.diff(few.elapsed), 5 * record.elapsed[1], rtol=1e-9)
+
+
+@pytest.mark.filterwarnings("ignore:the plateau law:jshell.calibration.FitWarning")
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"tie": {"alpha2": f"{RATIO!r}*alpha1"}},
+        pytest.param({"robust": "huber"}, marks=pytest.mark.slow),
+        pytest.param({"priors": {"beta1": Prior(1.0, 0.2)}}, marks=pytest.mark.slow),
+        {"uncertain": {"gas_pressure": 0.02}, "equilibrium": "trace"},
+    ],
+    ids=lambda options: next(iter(options)),
+)
+def test_a_fit_with_more_than_constants_goes_by_blocks_too(options, short_blocks, monkeypatch):
+    trace = noisy(4)
+    at_once = fit_trajectories(trace, noise="white", **options)
+    monkeypatch.setattr(long_records, "LONG", 100)
+    used, real = [], long_records.condensed
+    monkeypatch.setattr(long_records, "condensed", lambda *given: used.append(1) or real(*given))
+    by_blocks = fit_trajectories(trace, noise="white", **options)
+    assert used
+    assert by_blocks.outcome == at_once.outcome
+    for mine, theirs in zip(by_blocks.estimates, at_once.estimates, strict=True):
+        if mine.role in ("constant", "tied"):
+            assert abs(mine.value - theirs.value) < 1e-4 * theirs.stderr
+            assert mine.stderr == pytest.approx(theirs.stderr, rel=1e-4)
+
+
+@pytest.mark.filterwarnings("ignore:the plateau law:jshell.calibration.FitWarning")
+def test_records_of_odd_lengths_share_programs_whatever_is_asked_of_them(monkeypatch):
+    seen, real = [], long_records.from_many_starts
+
+    def spied(function, args, *rest, **given):
+        seen.append(args[1].problem.records[0].elapsed.size)
+        return real(function, args, *rest, **given)
+
+    monkeypatch.setattr(long_records, "from_many_starts", spied)
+    whole = noisy(4)
+    for count in (301, 307):
+        channels = {name: np.asarray(values)[:count] for name, values in whole.channels.items()}
+        cut = type(whole)(np.asarray(whole.times)[:count], channels, whole.conditions)
+        fit_trajectories(cut, tie={"alpha2": f"{RATIO!r}*alpha1"}, noise="white")
+    assert seen == [512, 512]

@@ -1,4 +1,4 @@
-"""What is left of a fit: white, remembering or coherent; and intervals that hold the truth."""
+"""What is left of a fit: white, autocorrelated or coherent; and intervals that hold the truth."""
 
 import runpy
 from pathlib import Path
@@ -16,7 +16,7 @@ TIMES = np.linspace(0, 40, 400)
 COLUMNS = np.stack([np.cos(TIMES), np.sin(TIMES), np.ones(400), TIMES / 40], axis=1)
 
 
-def remembering(phi: float, seed: int, size: int = 400) -> np.ndarray:
+def autocorrelated(phi: float, seed: int, size: int = 400) -> np.ndarray:
     fresh = np.random.default_rng(seed).standard_normal(size)
     e = fresh.copy()
     for k in range(1, size):
@@ -29,17 +29,17 @@ def left_by(e: np.ndarray) -> np.ndarray:
 
 
 def test_white_noise_passes():
-    found = [examine("V", left_by(remembering(0.0, seed)), COLUMNS, TIMES, np.ones(400)) for seed in range(200)]
+    found = [examine("V", left_by(autocorrelated(0.0, seed)), COLUMNS, TIMES, np.ones(400)) for seed in range(200)]
     assert not any(one.correlated or one.coherent for one in found)
     # lag-1 and runs are standard normal in white noise: 200 of them have mean 0 ± 0.07, deviation 1 ± 0.05
-    assert abs(np.mean([runs(remembering(0.0, seed)) for seed in range(200)])) < 0.25
-    assert np.std([lag_one(remembering(0.0, seed))[1] for seed in range(200)]) == pytest.approx(1, abs=0.2)
+    assert abs(np.mean([runs(autocorrelated(0.0, seed)) for seed in range(200)])) < 0.25
+    assert np.std([lag_one(autocorrelated(0.0, seed))[1] for seed in range(200)]) == pytest.approx(1, abs=0.2)
 
 
 def test_memory_is_estimated_without_the_bias_of_a_residual():
     steps = steps_between(TIMES)
-    found = np.array([estimate_memory(left_by(remembering(0.9, seed)), COLUMNS, steps) for seed in range(60)])
-    naive = np.array([lag_one(left_by(remembering(0.9, seed)))[0] for seed in range(60)])
+    found = np.array([estimate_memory(left_by(autocorrelated(0.9, seed)), COLUMNS, steps) for seed in range(60)])
+    naive = np.array([lag_one(left_by(autocorrelated(0.9, seed)))[0] for seed in range(60)])
     # standard error of the mean of 60: sqrt(1 - 0.81)/sqrt(400 · 60) = 0.003
     assert found.mean() == pytest.approx(0.9, abs=0.01)
     assert naive.mean() < 0.885
@@ -47,7 +47,7 @@ def test_memory_is_estimated_without_the_bias_of_a_residual():
 
 def test_whitening_gives_the_fresh_part_back_and_respects_gaps():
     fresh = np.random.default_rng(0).standard_normal(400)
-    e = remembering(0.7, 0)
+    e = autocorrelated(0.7, 0)
     np.testing.assert_allclose(whiten(e, 0.7)[1:], fresh[1:], atol=1e-12)
     used = np.arange(400) != 5
     phi = remembered(0.7, steps_between(TIMES, used))
@@ -56,19 +56,19 @@ def test_whitening_gives_the_fresh_part_back_and_respects_gaps():
     assert remembered(0.7, np.array([1.0, 2.0]))[1] == pytest.approx(0.49)
 
 
-def test_a_leftover_motion_is_coherent_and_noise_that_remembers_is_not():
-    wave = np.exp(-TIMES / 8) * np.cos(1.7 * TIMES) + 0.02 * remembering(0.0, 1)
+def test_a_leftover_motion_is_coherent_and_autocorrelated_noise_is_not():
+    wave = np.exp(-TIMES / 8) * np.cos(1.7 * TIMES) + 0.02 * autocorrelated(0.0, 1)
     assert examine("V", wave, COLUMNS, TIMES, np.ones(400)).coherent
-    noise = examine("V", left_by(remembering(0.9, 2)), COLUMNS, TIMES, np.ones(400))
+    noise = examine("V", left_by(autocorrelated(0.9, 2)), COLUMNS, TIMES, np.ones(400))
     assert noise.correlated
     assert not noise.coherent
     assert noise.effective < 60
 
 
-def test_errors_grow_where_noise_remembers_and_the_report_says_so(shell, fit):
+def test_errors_grow_where_noise_is_autocorrelated_and_the_report_says_so(shell, fit):
     clean = simulate(shell.conditions, shell.coefficients, initial=shell.initial, times=TIMES, equilibrium=shell.state)
     channels = {
-        name: np.asarray(values) + 0.01 * np.std(values) * remembering(0.9, k)
+        name: np.asarray(values) + 0.01 * np.std(values) * autocorrelated(0.9, k)
         for k, (name, values) in enumerate(clean.channels.items())
     }
     noisy = Trace(TIMES, channels, clean.conditions)
@@ -76,10 +76,10 @@ def test_errors_grow_where_noise_remembers_and_the_report_says_so(shell, fit):
     with pytest.warns(FitWarning, match="take it as white are too small"):
         white = fit_trajectories(noisy, noise="white")
     assert found["alpha1"].stderr > 1.5 * white["alpha1"].stderr
-    assert "noise that remembers" in found.report()
-    assert "noise that remembers" not in white.report()
+    assert "autocorrelated noise" in found.report()
+    assert "autocorrelated noise" not in white.report()
     assert "taken as white" in white.report()
-    assert "remember" not in fit.report()
+    assert "autocorrelated" not in fit.report()
     for name in ("alpha1", "alpha2", "k_vs", "beta1"):
         assert abs(found[name].value - getattr(shell.coefficients, name)) < 4 * found[name].stderr
     assert found.freedom < 0.2 * white.freedom

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jshell.calibration import Prior, fit_conditions, fit_trajectories, prepare
+from jshell.calibration import Prior, fit_conditions, fit_frequencies, fit_trajectories, prepare
 from jshell.calibration.joint import join
 from jshell.calibration.losses import full_residual
 from jshell.calibration.parameters import Expression, unknowns
@@ -202,3 +202,80 @@ def test_samples_are_left_out_by_time_and_where_they_are_missing(shell, trace):
     inside = np.sum((np.asarray(trace.times) >= 10) & (np.asarray(trace.times) <= 11))
     assert found.n_data == 800 - 1 - 2 * inside
     assert far(found, shell) < 4
+
+
+@pytest.mark.parametrize(
+    ("bounds", "square", "sign"),
+    [
+        ((-1.0, -0.2), (0.04, 1.0), -1.0),
+        ((-0.3, 0.3), (0.0, 0.09), 1.0),
+        ((-0.5, 0.2), (0.0, 0.25), 1.0),
+        ((0.1, 0.4), (0.01, 0.16), 1.0),
+        ((-np.inf, 0.0), (0.0, np.inf), -1.0),
+        (None, (0.0, np.inf), 1.0),
+    ],
+)
+def test_bounds_of_a_parameter_seen_by_its_square_are_its_own(bounds, square, sign):
+    names = ("alpha1", "k_vs")
+    given = None if bounds is None else {"k_vs": bounds}
+    space = unknowns(names, frozenset({"alpha1"}), bounds=given, squared=frozenset({"k_vs"}))
+    np.testing.assert_allclose((space.low[1], space.high[1]), square, rtol=1e-15)
+    np.testing.assert_allclose(space.reported(np.array([2.0, 0.09])), [2.0, sign * 0.3], rtol=1e-15)
+    np.testing.assert_allclose(space.shown(np.array([0.0, 0.09])), [1.0, sign * 0.3], rtol=1e-15)
+    np.testing.assert_allclose(space.stretch(np.array([2.0, sign * 0.3])), [1.0, sign * 0.6], rtol=1e-15)
+
+
+def test_ties_read_and_give_the_parameter_where_the_model_sees_its_square():
+    names, squared = ("alpha1", "k_vs"), frozenset({"k_vs"})
+    by_alpha = unknowns(names, frozenset(), tie={"k_vs": "-0.1*alpha1"}, squared=squared)
+    np.testing.assert_allclose(by_alpha.natural(jnp.array([3.0])), [3.0, 0.09], rtol=1e-15)
+    np.testing.assert_allclose(by_alpha.reported(np.array([3.0, 0.09])), [3.0, -0.3], rtol=1e-15)
+    np.testing.assert_allclose(by_alpha.slopes(np.array([3.0, 0.09]))[:, 0], [1.0, 0.06], rtol=1e-14)
+    by_k = unknowns(names, frozenset(), tie={"alpha1": "10*k_vs"}, squared=squared)
+    np.testing.assert_allclose(by_k.natural(jnp.array([0.09])), [3.0, 0.09], rtol=1e-15)
+
+
+FREQUENCIES = {
+    "V_e": np.array([2.9, 3.1, 2.5, 3.3]),
+    "P_e": np.array([1.5, 0.6, 2.4, 1.0]),
+    "omega_minus": np.array([0.99, 0.62, 1.29, 0.78]),
+    "omega_plus": np.array([1.65, 1.4, 2.1, 1.39]),
+}
+
+
+@pytest.mark.filterwarnings("ignore::jshell.calibration.report.FitWarning")
+def test_a_negative_coupling_is_bounded_and_told_as_given():
+    free = fit_frequencies(FREQUENCIES)
+    k = free["k_vs"].value
+    assert k > 0
+    below = fit_frequencies(FREQUENCIES, bounds={"k_vs": (-2 * k, -0.5 * k)})
+    assert below["k_vs"].value == pytest.approx(-k, rel=1e-8)
+    assert below["k_vs"].stderr == pytest.approx(free["k_vs"].stderr, rel=1e-6)
+    assert below["alpha1"].value == pytest.approx(free["alpha1"].value, rel=1e-8)
+    assert "negative, as it was given" in below.report()
+    interval = below.profile(("k_vs",))["k_vs"]
+    assert interval.low < interval.value < interval.high < 0
+    held = fit_frequencies(FREQUENCIES, bounds={"k_vs": (-0.5 * k, 0.5 * k)})
+    assert (held.outcome, held["k_vs"].value) == (Outcome.AT_BOUND, pytest.approx(0.5 * k, rel=1e-12))
+    assert fit_frequencies(FREQUENCIES, fix={"k_vs": -k})["k_vs"].value == -k
+
+
+@pytest.mark.filterwarnings("ignore::jshell.calibration.report.FitWarning")
+def test_the_coupling_of_modal_fits_can_be_tied_bounded_and_local(trace):
+    free = fit_trajectories(trace, "modal", fix={"alpha2": 1.1})
+    ratio = free["k_vs"].value / free["alpha1"].value
+    tied = fit_trajectories(trace, "modal", tie={"k_vs": f"{-ratio!r}*alpha1"}, fix={"alpha2": 1.1})
+    assert tied["k_vs"].role == "tied"
+    assert tied["k_vs"].value == pytest.approx(-ratio * tied["alpha1"].value, rel=1e-12)
+    assert tied["k_vs"].stderr == pytest.approx(ratio * tied["alpha1"].stderr, rel=1e-9)
+    assert tied["k_vs"].value == pytest.approx(-free["k_vs"].value, rel=1e-6)
+
+    other = fit_trajectories(
+        [trace, trace], "modal", fix={"alpha2": 1.1, "alpha1": free["alpha1"].value}, local=("k_vs",),
+        bounds={"k_vs[1]": (-1.0, -0.5 * free["k_vs"].value)},
+    )  # fmt: skip
+    assert other["k_vs[1]"].value == pytest.approx(-other["k_vs[2]"].value, rel=1e-6)
+    alone = fit_trajectories(trace, "modal", fix={"alpha2": 1.1, "alpha1": free["alpha1"].value})
+    for number in (1, 2):  # ω± and its error follow the trace's own coupling
+        assert other[f"omega_plus[{number}]"].value == pytest.approx(alone["omega_plus"].value, rel=1e-6)
+        assert other[f"omega_plus[{number}]"].stderr == pytest.approx(alone["omega_plus"].stderr, rel=1e-2)

@@ -36,8 +36,32 @@ def test_a_result_comes_back_to_the_bit(result, tmp_path):
         assert new["V"].tobytes() == np.asarray(old["V"]).tobytes()
     assert load(NamedBytes("fit.json", (tmp_path / "fit.json").read_bytes())) == result
     assert (tmp_path / "fit.json").read_text() == read.save(tmp_path / "again.json").read_text()
-    with pytest.raises(BadValue, match="read from a file"):
-        read.profile()
+
+
+def test_a_read_result_walks_around_its_minimum_as_the_fresh_one(result, tmp_path):
+    read = js.load(result.save(tmp_path / "fit.json"))
+    old, new = result.asked(), read.asked()
+    assert new.names == old.names
+    np.testing.assert_allclose(new.best, old.best, rtol=1e-14)
+    assert (new.count, new.linear, new.freedom) == (old.count, old.linear, old.freedom)
+    assert new.variance == pytest.approx(old.variance, rel=1e-12)
+    one, two = result.profile(("alpha1",))["alpha1"], read.profile(("alpha1",))["alpha1"]
+    np.testing.assert_allclose((two.low, two.high), (one.low, one.high), rtol=1e-9)
+    if result.traces:
+        # the start of each refit is the minimum to rounding, and the solver stops within 1e-10 of its own
+        np.testing.assert_allclose(read.bootstrap(20).values, result.bootstrap(20).values, rtol=1e-8)
+
+
+def test_what_a_file_cannot_hold_is_said(fit, tmp_path):
+    path = fit.save(tmp_path / "fit.json")
+    whole = json.loads(path.read_text())
+    whole["specification"]["tie"] = {"alpha2": "function half"}
+    path.write_text(json.dumps(whole))
+    with pytest.raises(BadValue, match="function half"):
+        js.load(path).profile()
+    path.write_text(json.dumps(whole | {"specification": None}))
+    with pytest.raises(BadValue, match="no options"):
+        js.load(path).profile()
 
 
 def test_a_file_says_its_schema_its_versions_and_its_seed(fit, tmp_path):

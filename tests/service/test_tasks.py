@@ -14,7 +14,7 @@ import pytest
 import jshell
 from jshell import calibration, dynamics, io
 from jshell.calibration import BatchResult, Recordings, fit_batch
-from jshell.calibration.recordings import gathered
+from jshell.calibration.recordings import stacked
 from jshell.errors import BadFile, JshellError, Outcome
 from jshell.oscillator import random_shell, random_trace
 from jshell.service import archives, batches, chunks, tasks
@@ -212,7 +212,7 @@ def test_chunks_are_small_at_both_ends(steps, most, sizes):
 def test_chunks_of_a_batch_are_the_whole_to_the_bit(monkeypatch):
     monkeypatch.setattr(chunks, "STEP", 64)
     monkeypatch.setattr(chunks, "MAX_CHUNK_BYTES", 1)
-    records = gathered([random_trace(random_shell(seed), seed, noise=0.01) for seed in range(150)])
+    records = stacked([random_trace(random_shell(seed), seed, noise=0.01) for seed in range(150)])
     values = np.array(records.values)
     random = np.random.default_rng(0)
     for row in (3, 20, 70, 71, 100, 130, 149):  # no shell's: some are tried again, with random starts
@@ -296,7 +296,7 @@ def test_a_batch_is_the_librarys_own_to_the_bit(tmp_path):
         for number, trace in enumerate(traces):
             archive.writestr(f"{number:03}.npz", written(trace, tmp_path, "trace.npz"))
     expected = fit_batch(traces)
-    for content, name in ((file.getvalue(), "a.zip"), (batches.pack(gathered(traces)), "a.npz")):
+    for content, name in ((file.getvalue(), "a.zip"), (batches.pack(stacked(traces)), "a.npz")):
         found = batches.unpack_result(tasks.run("batch", {}, [(name, content)]).files["record.npz"])
         for field in BatchResult.__dataclass_fields__:
             np.testing.assert_array_equal(getattr(found, field), getattr(expected, field))

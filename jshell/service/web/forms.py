@@ -11,7 +11,8 @@ from typing import Any
 from pydantic import ValidationError
 from starlette.datastructures import ImmutableMultiDict
 
-from jshell.calibration.specification import Specification
+from jshell.calibration.option_texts import read_texts
+from jshell.calibration.options import OPTIONS, FitOptions, choices_of, default_of, described
 from jshell.errors import BadValue, JshellError
 from jshell.io.sheets import NUMBER
 from jshell.service.problems import of_validation
@@ -34,7 +35,35 @@ CONDITIONS = {
     "outer_pressure": "outer pressure Pₑₓₜ",
     "viscosity": "viscosity η",
 }
-CHOICES = ("equilibrium", "robust", "noise", "beta2", "missing", "dipole", "solver")
+CHOICES = tuple(name for name in OPTIONS if choices_of(name))  # options that are a choice among names
+TEXTS = ("drop", "priors")  # options that are written as in the terminal, several with commas between
+STRICT_ONLY = ("solver", "beta2", "dipole")
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A select of the form: an option, what it chooses, and per value its words; the first is the usual one."""
+
+    name: str
+    words: str
+    values: tuple[tuple[str, str], ...]
+
+
+def selects(loss: str) -> list[Choice]:
+    """The selects that any fit by this loss has, beside loss and rest state."""
+    names = [
+        one for one in CHOICES if one not in ("loss", "equilibrium") and (loss == "strict" or one not in STRICT_ONLY)
+    ]
+    return [choice(name) for name in names]
+
+
+def choice(name: str) -> Choice:
+    """An option in the library's words."""
+    known = choices_of(name)
+    usual = default_of(name)
+    rest = [(key, f"{key}: {words}") for key, words in known.items() if key != usual]
+    first = ("" if usual is None else usual, known[usual] if usual is None else f"{usual}: {known[usual]}")
+    return Choice(name, described(name), (first, *rest))
 
 
 @dataclass
@@ -70,9 +99,12 @@ class FitForm:
         asked: dict[str, Any] = {"traces": self.traces}
         if self.channels:
             asked["channels"] = self.channels
-        for name in ("loss", *CHOICES):
+        for name in CHOICES:
             if self.text(name):
                 asked[name] = self.text(name)
+        for name in TEXTS:
+            if self.text(name).strip():
+                asked[name] = self.written(name)
         for name in ("start", "stop"):
             if self.text(name):
                 asked[name] = self.time(name)
@@ -109,10 +141,21 @@ class FitForm:
                 f"field {found.place}", found=found.found, expected=found.expected, remedy="Correct the field."
             ) from None
 
+    def written(self, name: str) -> Any:
+        """An option that is written as in the terminal, several with commas between; times in the form's unit."""
+        found = read_texts(name, self.text(name).split(","), f"field {name}")
+        if name == "priors":
+            return {key: {"mean": one.mean, "sigma": one.sigma} for key, one in found.items()}
+        return [[end / self.time_factor for end in span] for span in found]
+
+    @property
+    def time_factor(self) -> float:
+        """How many of the form's unit of time are one dimensionless unit."""
+        return (float(self.number("time_factor")) if self.text("time_factor") else 1.0) or 1.0
+
     def time(self, name: str) -> float:
         """A dimensionless time, from a field in the unit that the form shows."""
-        factor = float(self.number("time_factor")) if self.text("time_factor") else 1.0
-        return float(self.number(name)) / (factor or 1.0)
+        return float(self.number(name)) / self.time_factor
 
     def number(self, name: str) -> float | int:
         """The number in a field; a decimal comma is understood."""
@@ -138,9 +181,12 @@ def again(job: JobRow) -> list[tuple[str, str]]:
     asked: Mapping[str, Any] = job.specification
     pairs: list[tuple[str, str]] = [("trace", trace) for trace in job.traces]
     pairs += [("channel", name) for name in asked.get("channels") or ()]
-    pairs += [
-        (name, str(asked[name])) for name in ("loss", *CHOICES, "start", "stop", "starts", "seed") if asked.get(name)
-    ]
+    pairs += [(name, str(asked[name])) for name in (*CHOICES, "start", "stop", "starts", "seed") if asked.get(name)]
+    if asked.get("drop"):
+        pairs.append(("drop", ", ".join(f"{first:.10g}:{last:.10g}" for first, last in asked["drop"])))
+    if asked.get("priors"):
+        told = [f"{name}={one['mean']:.10g}:{one['sigma']:.10g}" for name, one in asked["priors"].items()]
+        pairs.append(("priors", ", ".join(told)))
     for name, value in (asked.get("fix") or {}).items():
         pairs += [(f"role.{name}", "fixed"), (f"value.{name}", f"{value:.10g}")]
     for name, text in (asked.get("tie") or {}).items():
@@ -155,7 +201,7 @@ def again(job: JobRow) -> list[tuple[str, str]]:
     return [*pairs, ("profile", "on")] if asked.get("profile") else pairs
 
 
-def python(job: JobRow, names: Sequence[str], found: Specification | None) -> str:
+def python(job: JobRow, names: Sequence[str], found: FitOptions | None) -> str:
     """The same fit as a program.
 
     Args:

@@ -10,6 +10,7 @@ from fastapi.responses import HTMLResponse, RedirectResponse
 from starlette.concurrency import run_in_threadpool
 
 from jshell import io
+from jshell.calibration.records import usual_channels
 from jshell.errors import BadFile, BadUnits, BadValue, JshellError
 from jshell.io.headers import REDUCED_KEYS, SHARED_KEYS, SI_KEYS
 from jshell.quantities import QUANTITIES
@@ -19,7 +20,7 @@ from jshell.service.reading import UPLOAD_SLOTS, Look, conditions_of, look, look
 from jshell.service.safety import clean_name
 from jshell.service.state import Here, Service
 from jshell.service.web import drawing, series
-from jshell.service.web.forms import CONDITIONS, MODAL, STRICT, SYMBOLS, FitForm, read
+from jshell.service.web.forms import CONDITIONS, MODAL, STRICT, SYMBOLS, FitForm, choice, read, selects
 from jshell.service.web.templates import shown
 
 router = APIRouter(include_in_schema=False, default_response_class=HTMLResponse)
@@ -175,14 +176,9 @@ def _submitted(request: Request, here: Service, asked: FitForm) -> Response:
 
 def _unsay_usual_channels(here: Service, asked: FitForm) -> None:
     """Channels that the library would choose itself are not said, so that the same fit is the same job."""
-    if asked.channels:
-        looks = _looks(here, asked.traces)[1]
-        try:
-            usual = preview([one.trace for one in looks], asked.text("loss") or None).channels
-        except JshellError:
-            return
-        if set(usual) == set(asked.channels):
-            asked.channels = []
+    traces = [one.trace for one in _looks(here, asked.traces)[1]]
+    if traces and set(asked.channels) == set(usual_channels(traces, asked.text("loss") or None)[1]):
+        asked.channels = []
 
 
 def configured(request: Request, here: Service, asked: FitForm, status: int) -> Response:
@@ -209,6 +205,9 @@ def configured(request: Request, here: Service, asked: FitForm, status: int) -> 
         "channels": shared,
         "parameters": [(name, *SYMBOLS[name], _begin(found, name)) for name in own],
         "uncertain": list(CONDITIONS.items()),
+        "losses": choice("loss").values[1:],
+        "rest": choice("equilibrium"),
+        "selects": selects(loss),
         "query": str(request.url.query) if request.method == "GET" else "&".join(f"trace={t}" for t in asked.traces),
         "time": _time(looks),
         "lone": len(looks) == 1 and loss == "modal" and not any(asked.role(name) == "fixed" for name in SYMBOLS),

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from jshell.calibration import FitResult
-from jshell.plot.fits import fitted, fitted_channels
 from jshell.plot.style import BLACK, BLUE, CHANNEL, GREY, ORANGE, VERMILION
 from jshell.plot.traces import Reading, reading
 from jshell.service.preview import Preview
@@ -113,12 +112,10 @@ def of_preview(found: Preview, whole: Sequence[Trace], names: Sequence[str]) -> 
 
 def of_fit(result: FitResult, names: Sequence[str]) -> list[tuple[Plot, Plot]]:
     """Data with the fit over them, and what the fit leaves, for every trace and channel."""
-    channels = fitted_channels(result)
-    curves = iter(fitted(result, result.traces))
     plots = []
-    for number, trace in enumerate(result.traces):
-        for channel in channels:
-            curve, time, shown = next(curves), _read(trace, "t"), _read(trace, channel)
+    for number, (trace, curves) in enumerate(zip(result.traces, result.curves(), strict=True)):
+        for channel, curve in curves.items():
+            time, shown = _read(trace, "t"), _read(trace, channel)
             color = CHANNEL.get(channel, BLUE)
             data = np.asarray(trace[channel], dtype=float)
             at, data, curve = _thinned(

@@ -1,22 +1,24 @@
-"""A fit whose noise remembers: from the minimum of white noise to that of the noise it has.
+"""A fit with autocorrelated (AR(1)) noise: from the minimum of white noise to that of the noise it has.
 
 Symbols    J Jacobian of constants and linear parameters together   r weighted residual   φ memory of the noise
 """
+
+from collections.abc import Sequence
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
 from jshell.calibration.joint import Joint
+from jshell.calibration.linearization import Linearization, linearized, whitened
 from jshell.calibration.misfit import rows_of
 from jshell.calibration.noise import Noise, examine, remembered, steps_between
 from jshell.calibration.parameters import Unknowns
-from jshell.calibration.solved import Solved, solved, whitened
 
-MOST_STEPS = 30  # of Gauss and Newton, from the white minimum to that of noise that remembers
+MOST_STEPS = 30  # of Gauss and Newton, from the white minimum to that of autocorrelated noise
 
 
-def examined(joint: Joint, found: Solved) -> list[Noise]:
+def examined(joint: Joint, found: Linearization) -> list[Noise]:
     """What is left of every channel of every trace."""
     noises = []
     for number, channel, rows in rows_of(joint):
@@ -27,10 +29,8 @@ def examined(joint: Joint, found: Solved) -> list[Noise]:
     return noises
 
 
-def remembering(
-    joint: Joint, found: Solved, noises: list[Noise], space: Unknowns, *, free_to_move: bool
-) -> tuple[Joint, Solved]:
-    """The problem with the memory of its noise, and its minimum by Gauss and Newton from the white one."""
+def with_memory(joint: Joint, noises: Sequence[Noise]) -> Joint:
+    """The problem with the memory of its noise, of every channel of every trace."""
     rows = rows_of(joint)
     memory = []
     for (number, channel, _), noise in zip(rows, noises, strict=True):
@@ -41,7 +41,14 @@ def remembering(
         np.stack([m for (number, *_), m in zip(rows, memory, strict=True) if number == i])
         for i in range(len(joint.problem.records))
     ]
-    joint = eqx.tree_at(lambda j: j.memory, joint, tuple(grouped), is_leaf=lambda x: x is None)
+    return eqx.tree_at(lambda j: j.memory, joint, tuple(grouped), is_leaf=lambda x: x is None)
+
+
+def fit_ar1(
+    joint: Joint, found: Linearization, noises: list[Noise], space: Unknowns, *, free_to_move: bool
+) -> tuple[Joint, Linearization]:
+    """The problem with the memory of its noise, and its minimum by Gauss and Newton from the white one."""
+    joint = with_memory(joint, noises)
     if not free_to_move:
         return joint, found
 
@@ -50,7 +57,7 @@ def remembering(
     for _ in range(MOST_STEPS):
         r, J = whitened(joint, now)
         if not (np.all(np.isfinite(r)) and np.all(np.isfinite(J))):
-            return joint, found  # it ran away: the white minimum stays, with the errors of remembering noise
+            return joint, found  # it ran away: the white minimum stays, with the errors of autocorrelated noise
         length = np.linalg.norm(J, axis=0)
         length = np.where(length > 0, length, 1.0)
         move = -np.linalg.lstsq(J / length, r, rcond=1e-9)[0] / length
@@ -64,7 +71,7 @@ def remembering(
             return joint, found
         sizes = np.cumsum([c.size for c in now.linear])[:-1]
         linear = [c + m for c, m in zip(now.linear, np.split(move[len(free) :], sizes), strict=True)]
-        now = solved(values, joint, space, linear)
+        now = linearized(values, joint, space, linear)
         if np.linalg.norm(move * length) < 1e-9 * np.sqrt(max(lowest, 1e-300)):
             break
     better = power(whitened(joint, now)[0]) <= lowest  # False for NaN

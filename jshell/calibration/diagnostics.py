@@ -16,72 +16,68 @@ from jshell.calibration.advice import (
     other_minima,
     quiet_modes,
     remedy,
-    shown_name,
     sign_of_coupling,
 )
+from jshell.calibration.ar1 import examined, fit_ar1, power
 from jshell.calibration.estimate import Estimate, starts_of
-from jshell.calibration.joint import Joint, join
-from jshell.calibration.least_squares import Ending, best_of, value_and_jacobian
+from jshell.calibration.joint import Joint
+from jshell.calibration.least_squares import SolverResult, best_of, value_and_jacobian
 from jshell.calibration.lengths import without_data
-from jshell.calibration.losses import Problem, linear_names, pulsations, targets
+from jshell.calibration.linearization import Linearization, linearized, whitened
+from jshell.calibration.losses import linear_names, pulsations, targets
 from jshell.calibration.misfit import misfits, silent_directions, snaps
 from jshell.calibration.noise import taken_as_white
 from jshell.calibration.objective import Objective
 from jshell.calibration.parameters import Unknowns
-from jshell.calibration.remembering import examined, power, remembering
 from jshell.calibration.report import FitResult
 from jshell.calibration.robust import Robust
-from jshell.calibration.solved import Solved, solved, whitened
 from jshell.calibration.uncertainty import Uncertainty, in_words, loose_directions, propagate, uncertainty
 from jshell.errors import Outcome
 from jshell.trace import Trace
 
 
 def trace_result(
-    problem: Problem,
+    joint: Joint,
     space: Unknowns,
-    ending: Ending,
+    ending: SolverResult,
     natural: np.ndarray,
     cut: list[Trace],
-    absolute: bool,
-    texts: list[str],
     *,
-    joint: Joint | None = None,
     noise: str = "auto",
     robust: Robust | None = None,
 ) -> FitResult:
     """The best ending, judged: errors, what they leave out, and whether the model describes the records.
 
     Args:
-        problem: What was fitted.
+        joint: What was fitted.
         space: Its parameters.
         ending: Of the solver.
         natural: (starts, names) where it began.
         cut: The traces inside the window.
-        absolute: Whether their errors were given.
-        texts: Warnings so far.
-        joint: How parameters belong to traces; None shares all.
-        noise: `auto` tests the residual and lets noise remember where it does; `white` takes it as white.
+        noise: `auto` tests the residual and takes noise as autocorrelated where it is; `white` takes it as white.
         robust: What a robust loss gave, where there was one.
     """
-    joint = join(problem) if joint is None else joint
+    problem = joint.problem
+    absolute = all(
+        name in trace.sigma for trace, one in zip(cut, problem.records, strict=True) for name in one.channels
+    )
     size = float(sum(np.sum((np.asarray(block) - np.mean(block)) ** 2) for block in targets(problem)))
     best, same = best_of(ending, size)
     values = np.array(space.natural(np.asarray(ending.unknowns)[best]))
-    found = solved(values, joint, space, None if robust is None else robust.linear)
+    found = linearized(values, joint, space, None if robust is None else robust.linear)
     noises = examined(joint, found)
     notes = [f"rest states: {', '.join(f'V = {float(one.state.volume):.5g}' for one in problem.records)}"]
     outcome = Outcome(int(np.asarray(ending.outcome)[best]))
     if noise == "auto" and robust is None and any(one.memory > 0 for one in noises):
-        joint, moved = remembering(joint, found, noises, space, free_to_move=outcome == Outcome.OK)
+        joint, moved = fit_ar1(joint, found, noises, space, free_to_move=outcome == Outcome.OK)
         notes.append(
-            "the residual is not white: noise is taken to remember its past, e_k = φ e_{k-1} + fresh"
+            "the residual is not white: the noise is taken as autocorrelated, e_k = φ e_{k-1} + fresh"
             + (", and the constants are those of that noise" if moved is not found else "")
         )
         found = moved
     values, r = found.values, found.residual
 
-    names = tuple(shown_name(name) for name in space.names)
+    names = space.names
     free = [space.names.index(name) for name in space.free]
     varied = tuple(names[i] for i in free)
     shown, errors = _errors(joint, space, found, absolute, robust)
@@ -110,37 +106,36 @@ def trace_result(
                 directions.append(remedy(problem, cut, quiet))
     if directions and outcome in (Outcome.OK, Outcome.AT_BOUND):
         outcome = Outcome.RANK_DEFICIENT
-    texts = [*texts, *snaps(cut), *misfits(joint, r, cut, noises, robust is not None)]
+    texts = [*snaps(cut), *misfits(joint, r, cut, noises, robust is not None)]
     if joint.memory is None:
         texts += [f"what is left of {one.words()}: errors that take it as white are too small" for one in noises
                   if one.memory > 0]  # fmt: skip
         noises = [taken_as_white(one) for one in noises]
 
-    slopes = space.slopes(values)
-    if "k_vs_squared" in space.names and shown[space.names.index("k_vs_squared")] > 0:
-        at = space.names.index("k_vs_squared")
-        slopes[:, [j for j, i in enumerate(free) if i == at]] *= 2 * shown[at]  # covariance is of k_vs, not its square
+    stretch = space.stretch(shown)
+    stretch = np.where(stretch == 0, 1.0, stretch)  # at k_vs = 0, which has no error there
+    slopes = space.slopes(values) * stretch[free]  # the covariance is of k_vs, the model's values of its square
     derived = _derived(joint, values, slopes, covariance)
     if outcome == Outcome.OK and not all(np.isfinite(e.value) for e in derived if e.name.startswith("omega")):
         outcome = Outcome.OUT_OF_RANGE  # the constants found have no slow oscillation at all
 
     estimates = []
-    tied = {name for name, _ in space.tied}
+    tied, begin = {name for name, _ in space.tied}, space.reported(natural[best])
     for i, name in enumerate(names):
         if space.names[i] in tied:
-            row = slopes[i] / (2 * shown[i] if space.names[i] == "k_vs_squared" and shown[i] > 0 else 1.0)
+            row = slopes[i] / stretch[i]
             estimates.append(Estimate(name, float(shown[i]), float(propagate(row[None], covariance)[0]), role="tied"))
         elif i not in free:
             estimates.append(Estimate(name, float(shown[i]), role="fixed"))
         else:
             j = free.index(i)
-            begin = np.sqrt(max(natural[best, i], 0)) if space.names[i] == "k_vs_squared" else natural[best, i]
-            estimates.append(Estimate(name, float(shown[i]), float(errors.stderr[j]), errors.reasons[j], float(begin)))
+            error, reason = float(errors.stderr[j]), errors.reasons[j]
+            estimates.append(Estimate(name, float(shown[i]), error, reason, float(begin[i])))
     for j, (name, value) in enumerate(zip(linear_names(problem), np.concatenate(found.linear), strict=True), count):
         estimates.append(Estimate(name, float(value), float(errors.stderr[j]), errors.reasons[j], role="nuisance"))
 
     notes += method_notes(problem, joint, absolute, robust, noises)
-    notes += sign_of_coupling(problem, estimates)
+    notes += sign_of_coupling(problem, space, estimates)
     notes += other_minima(ending, space, same)
     if joint.problem.loss == "strict" or any(one.memory for one in noises):
         notes += [one.words() for one in noises if one.correlated]
@@ -174,16 +169,13 @@ def trace_result(
 
 
 def _errors(
-    joint: Joint, space: Unknowns, found: Solved, absolute: bool, robust: Robust | None
+    joint: Joint, space: Unknowns, found: Linearization, absolute: bool, robust: Robust | None
 ) -> tuple[np.ndarray, Uncertainty]:
     """Constants as shown, errors of constants and linear parameters together."""
     r, J = whitened(joint, found)
-    shown = found.values.copy()
+    shown = space.reported(found.values)
     free = [space.names.index(name) for name in space.free]
-    for i, name in enumerate(space.names):
-        if name.startswith("k_vs_squared"):
-            shown[i] = np.sqrt(max(found.values[i], 0.0))
-            J[:, [j for j, k in enumerate(free) if k == i]] *= 2 * shown[i]
+    J = J * np.append(space.stretch(shown)[free], np.ones(J.shape[1] - len(free)))
     size = r.size - len(found.prior)
     if robust is not None:
         r[:size], J[:size] = r[:size] / robust.scale, J[:size] / robust.scale[:, None]

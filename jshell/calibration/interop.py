@@ -14,26 +14,27 @@ import jax.numpy as jnp
 import numpy as np
 
 from jshell.calibration.joint import Joint
+from jshell.calibration.linearization import linearized, whitened
 from jshell.calibration.objective import Objective, evaluate
-from jshell.calibration.report import FitResult
-from jshell.calibration.solved import solved, whitened
+from jshell.calibration.rebuilt import objective_of
+from jshell.calibration.result import Fit
 from jshell.errors import MissingExtra
 
 
-def to_lmfit(result: FitResult) -> Any:
+def to_lmfit(result: Fit) -> Any:
     """An `lmfit.Minimizer` whose parameters stand at the minimum found; names `beta1[2]` become `beta1_2`.
 
     Linear parameters follow as `linear_0`, `linear_1`, … in the order of the result's nuisance estimates.
 
     Raises:
         MissingExtra: lmfit is not installed.
-        BadValue: A result read from a file.
+        BadValue: A result read from a file that lacks data or options.
 
     Example:
         >>> minimizer = result.to_lmfit()  # doctest: +SKIP
         >>> lmfit.conf_interval(minimizer, minimizer.minimize())  # doctest: +SKIP
     """
-    objective = result.asked()
+    objective = objective_of(result)
     try:
         import lmfit
     except ImportError:
@@ -44,17 +45,20 @@ def to_lmfit(result: FitResult) -> Any:
     names = [name.replace("[", "_").replace("]", "") for name in objective.names]
     limits = [objective.shown(np.asarray(end)) for end in (np.array(space.low), np.array(space.high))]
     for i, (name, value) in enumerate(zip(names, shown, strict=True)):
-        squared = space.free[i].startswith("k_vs_squared")
+        inner = space.free[i]
         low = float(limits[0][i]) if np.isfinite(space.low[i]) else -np.inf
         high = float(limits[1][i]) if np.isfinite(space.high[i]) else np.inf
-        bounded = not squared and space.free[i] not in space.positive
-        parameters.add(name, float(value), min=low if bounded or low > 0 else -np.inf, max=high)
+        if inner in space.squared or inner in space.positive:
+            low = low if low != 0 else -np.inf
+        if inner in space.negative:
+            low, high = (-np.inf if high == np.inf else high), (np.inf if low == -np.inf else low)
+        parameters.add(name, float(value), min=low, max=high)
     if not isinstance(objective.args[1], Joint):
         function = lambda p: _table_residual(objective, np.array([p[name].value for name in names]))  # noqa: E731
         return lmfit.Minimizer(function, parameters, scale_covar=not objective.absolute)
 
     space, joint = objective.args
-    linear = solved(np.asarray(objective.values), joint, space).linear
+    linear = linearized(np.asarray(objective.values), joint, space).linear
     flat = np.concatenate(linear)
     more = [f"linear_{i}" for i in range(flat.size)]
     for name, value in zip(more, flat, strict=True):
@@ -65,9 +69,9 @@ def to_lmfit(result: FitResult) -> Any:
         """Residual and Jacobian, by the parameters as lmfit has them."""
         values = _values(objective, np.array([p[name].value for name in names]))
         parts = np.split(np.array([p[name].value for name in more]), cuts)
-        r, J = whitened(joint, solved(values, joint, space, parts))
+        r, J = whitened(joint, linearized(values, joint, space, parts))
         for j, inner in enumerate(space.free):
-            J[:, j] *= 2 * p[names[j]].value if inner.startswith("k_vs_squared") else 1.0
+            J[:, j] *= 2 * p[names[j]].value if inner in space.squared else 1.0
         return r, J
 
     def jacobian(p) -> np.ndarray:
@@ -85,18 +89,18 @@ def to_lmfit(result: FitResult) -> Any:
     return Exact(lambda p: at(p)[0], parameters, scale_covar=not objective.absolute)
 
 
-def to_minuit(result: FitResult) -> Any:
+def to_minuit(result: Fit) -> Any:
     """An `iminuit.Minuit` of χ²/s² at the minimum found, with gradient; errordef 1, so that MINOS reads 68%.
 
     Raises:
         MissingExtra: iminuit is not installed.
-        BadValue: A result read from a file.
+        BadValue: A result read from a file that lacks data or options.
 
     Example:
         >>> minuit = result.to_minuit()  # doctest: +SKIP
         >>> minuit.migrad().minos(cl=0.95)  # doctest: +SKIP
     """
-    objective = result.asked()
+    objective = objective_of(result)
     try:
         import iminuit
     except ImportError:
@@ -134,8 +138,8 @@ def _slopes(objective: Objective, u: np.ndarray) -> list[float]:
     for i, name in enumerate(objective.space.free):
         if name in objective.space.positive:
             found.append(float(np.exp(u[i])))
-        elif name.startswith("k_vs_squared"):
-            found.append(0.5 / float(np.sqrt(max(u[i], 1e-300))))
+        elif name in objective.space.squared:
+            found.append((-0.5 if name in objective.space.negative else 0.5) / float(np.sqrt(max(u[i], 1e-300))))
         else:
             found.append(1.0)
     return found

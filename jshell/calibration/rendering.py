@@ -5,10 +5,10 @@ import html
 import numpy as np
 
 from jshell.calibration.estimate import Estimate
-from jshell.calibration.report import FitResult
+from jshell.calibration.result import Fit
 
 
-def record(result: FitResult) -> dict:
+def record(result: Fit) -> dict:
     """The result as a JSON object; missing numbers are null."""
     number = lambda x: float(x) if np.isfinite(x) else None  # noqa: E731
 
@@ -51,7 +51,7 @@ def record(result: FitResult) -> dict:
     }
 
 
-def text(result: FitResult, *, nuisance: bool = False, smallest_correlation: float = 0.1) -> str:
+def text(result: Fit, *, nuisance: bool = False, smallest_correlation: float = 0.1) -> str:
     """The result as text.
 
     Args:
@@ -60,7 +60,7 @@ def text(result: FitResult, *, nuisance: bool = False, smallest_correlation: flo
     """
     scaled = "given σ, absolute" if result.absolute else "no σ given, scaled by reduced χ²"
     if any(one.memory for one in result.noise):
-        scaled += "; noise that remembers"
+        scaled += "; autocorrelated noise"
     lines = [
         f"[[{result.title}]]",
         f"    outcome             {result.outcome.word}: {result.outcome.advice}",
@@ -93,7 +93,7 @@ def text(result: FitResult, *, nuisance: bool = False, smallest_correlation: flo
     return "\n".join(lines)
 
 
-def page(result: FitResult) -> str:
+def page(result: Fit) -> str:
     """The report for notebooks."""
     cells = "".join(
         f"<tr><td>{html.escape(e.name)}</td><td>{e.value:.7g}</td><td>{_error(e)}</td>"
@@ -114,7 +114,7 @@ def page(result: FitResult) -> str:
     )
 
 
-def _pairs(result: FitResult, smallest: float) -> list[str]:
+def _pairs(result: Fit, smallest: float) -> list[str]:
     found = []
     for i, one in enumerate(result.varied):
         for j in range(i):

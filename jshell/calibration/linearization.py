@@ -13,15 +13,15 @@ import numpy as np
 from jshell.calibration.joint import Joint
 from jshell.calibration.least_squares import value_and_jacobian
 from jshell.calibration.lengths import lengthened, own_rows
-from jshell.calibration.long_records import is_long, look_at_all
-from jshell.calibration.losses import bases, best, targets
+from jshell.calibration.long_records import best_of_blocks, is_long, look_at_all
+from jshell.calibration.losses import bases, best_linear, solve_linear, targets
 from jshell.calibration.misfit import rows_of
 from jshell.calibration.noise import whiten
 from jshell.calibration.parameters import Unknowns
 
 
 @dataclass(frozen=True)
-class Solved:
+class Linearization:
     """A fit at given parameters.
 
     Attributes:
@@ -41,9 +41,11 @@ class Solved:
     prior_residual: np.ndarray
 
 
-def solved(values: np.ndarray, joint: Joint, space: Unknowns, linear: list[np.ndarray] | None = None) -> Solved:
+def linearized(
+    values: np.ndarray, joint: Joint, space: Unknowns, linear: list[np.ndarray] | None = None
+) -> Linearization:
     """Residual and Jacobian at given parameters, with the best linear ones unless they are given."""
-    if is_long(joint.problem) and not any(joint.moved):
+    if is_long(joint.problem):
         linear, r, J, bases = _by_blocks(values, joint, linear)
     else:
         linear, r, J, bases = _of_common_length(values, joint, linear)
@@ -58,20 +60,35 @@ def solved(values: np.ndarray, joint: Joint, space: Unknowns, linear: list[np.nd
     if len(prior):
         prior[:, : slopes.shape[1]] = slopes[list(joint.prior_at)] / np.asarray(joint.prior)[:, 1:]
         left = np.asarray(joint.prior_residual(jnp.asarray(values)))
-    return Solved(values, linear, bases, r, np.concatenate([J @ slopes, design], axis=1), prior, left)
+    return Linearization(values, linear, bases, r, np.concatenate([J @ slopes, design], axis=1), prior, left)
 
 
 def _by_blocks(values: np.ndarray, joint: Joint, given: list[np.ndarray] | None):
-    """As `_jacobian`, of traces too long to be differentiated at one go; conditions that move are not among them."""
+    """As `_jacobian`, of traces too long to be differentiated at one go."""
     linear, left, slopes, plain = [], [], [], []
-    for piece, places in zip(joint.pieces(values), joint.places, strict=True):
-        count = 1 if piece.problem.loss == "strict" else len(piece.problem.records[0].channels)
+    for number, record in enumerate(joint.problem.records):
+        count = 1 if joint.problem.loss == "strict" else len(record.channels)
         own = None if given is None else given[len(linear) : len(linear) + count]
-        c, r, J, basis = look_at_all(piece.constants, piece.problem, own)
+        at = joint.own(number)
+        c, r, J, basis = look_at_all(values[at], joint.alone(number), own)
         whole = np.zeros((r.size, len(values)))
-        whole[:, list(places)] = J
+        whole[:, at] = J
         linear, left, slopes, plain = [*linear, *c], [*left, r], [*slopes, whole], [*plain, *basis]
     return linear, np.concatenate(left), np.concatenate(slopes), plain
+
+
+def best_linear_of(values: np.ndarray, joint: Joint) -> list[np.ndarray]:
+    """The best linear parameters of every block that shares them."""
+    if not is_long(joint.problem):
+        return [c for piece in joint.pieces(jnp.asarray(values)) for c in best_linear(*piece)]
+    found = [
+        _best_of_blocks(jnp.asarray(values[joint.own(number)]), joint.alone(number))
+        for number in range(len(joint.problem.records))
+    ]
+    return [np.asarray(c) for each in found for c in each]
+
+
+_best_of_blocks = eqx.filter_jit(best_of_blocks)
 
 
 def _of_common_length(values: np.ndarray, joint: Joint, given: list[np.ndarray] | None):
@@ -95,13 +112,13 @@ def _jacobian(values: np.ndarray | jax.Array, linear: list | None, joint: Joint)
     plain, slopes = value_and_jacobian(each, jnp.asarray(values))
     data = targets(joint.problem)
     if linear is None:
-        linear = [best(basis, rows) for basis, rows in zip(plain, data, strict=True)]
+        linear = [solve_linear(basis, rows) for basis, rows in zip(plain, data, strict=True)]
     r = jnp.concatenate([basis @ c - rows for basis, c, rows in zip(plain, linear, data, strict=True)])
     J = jnp.concatenate([jnp.einsum("dlp,l->dp", slope, c) for slope, c in zip(slopes, linear, strict=True)])
     return linear, r, J, plain
 
 
-def whitened(joint: Joint, found: Solved) -> tuple[np.ndarray, np.ndarray]:
+def whitened(joint: Joint, found: Linearization) -> tuple[np.ndarray, np.ndarray]:
     """Residual and Jacobian with the memory of the noise taken out, priors below."""
     r, J = found.residual, found.jacobian
     if joint.memory is not None:
@@ -111,6 +128,6 @@ def whitened(joint: Joint, found: Solved) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate([r, found.prior_residual]), np.vstack([J, found.prior])
 
 
-def whitened_residual(joint: Joint, found: Solved) -> np.ndarray:
+def whitened_residual(joint: Joint, found: Linearization) -> np.ndarray:
     """Residual with the memory of the noise taken out, then that of the priors."""
     return whitened(joint, found)[0]

@@ -1,0 +1,64 @@
+"""What a trace fit solves: records made ready, and their parameters."""
+
+import numpy as np
+
+from jshell.calibration.joint import Joint, join, parameters_of
+from jshell.calibration.losses import Problem
+from jshell.calibration.options import FitOptions
+from jshell.calibration.parameters import Unknowns
+from jshell.calibration.records import Record, filled, record, rest_state
+from jshell.calibration.starts import Modes, find_modes
+from jshell.errors import BadValue
+from jshell.trace import Trace
+
+
+def problem_of(cut: list[Trace], options: FitOptions) -> tuple[Joint, Unknowns, list[Modes | None], list[str]]:
+    """What a fit solves: the traces inside their windows, compared as the options say, and their parameters.
+
+    Args:
+        cut: From `windowed`.
+        options: With loss and channels.
+
+    Returns:
+        The problem, its parameters, the modes found in each trace, and warnings.
+    """
+    assert options.loss is not None
+    assert options.channels is not None
+    ready, modes, texts = prepared(cut, tuple(options.channels), options.equilibrium)
+    problem = Problem(tuple(ready), options.loss, options.solver, options.dipole, options.beta2 == "equal_decay")
+    viscous = any(float(one.conditions.viscosity) > 0 for one in ready)
+    if options.loss == "strict" and "beta1" not in options.fix and not viscous:
+        raise BadValue(
+            "viscosity",
+            found="0 in every trace",
+            expected="a viscosity, which beta1 multiplies",
+            remedy='Give the viscosity, or fix={"beta1": 0.0}.',
+        )
+    joint = join(
+        problem, local=options.local, uncertain=options.uncertain, priors=options.priors,
+        equilibrium=options.equilibrium,
+    )  # fmt: skip
+    return joint, parameters_of(joint, options.fix, options.bounds, options.tie), modes, texts
+
+
+def prepared(
+    cut: list[Trace], names: tuple[str, ...], equilibrium: str
+) -> tuple[list[Record], list[Modes | None], list[str]]:
+    """Records with rest states, their modes, and warnings."""
+    given = [name in trace.sigma for trace in cut for name in names]
+    if any(given) and not all(given):
+        raise BadValue("sigma", found="σ for some channels", expected="for all or none", remedy="Complete it.")
+    ready, modes, texts = [], [], []
+    for number, trace in enumerate(cut, 1):
+        times = np.asarray(trace.times, dtype=float)
+        data = [filled(times, np.asarray(trace[name], dtype=float)) for name in names]
+        found = find_modes(times - times[0], np.stack(data))
+        offset = None
+        if "V" in names:
+            index = names.index("V")
+            offset = float(np.nanmean(trace["V"])) if found is None else float(found.offsets[index])
+        state, more = rest_state(trace, offset, equilibrium, number)
+        ready.append(record(trace, names, state))
+        modes.append(found)
+        texts += more
+    return ready, modes, list(dict.fromkeys(texts))
