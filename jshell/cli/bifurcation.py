@@ -6,15 +6,13 @@ from typing import Annotated
 import numpy as np
 import typer
 
+import jshell
 from jshell.cli import decay as decays
 from jshell.cli.constants import Damped, with_damping
 from jshell.cli.destinations import Picture, drawable
 from jshell.cli.output import Json, finish, log, say, speaking, table
 from jshell.cli.problem import Problem, with_conditions
 from jshell.errors import BadValue, Outcome
-from jshell.oscillator import Drag, frequencies
-from jshell.oscillator import bifurcation as diagram
-from jshell.shell import SPHERE_VOLUME
 
 
 @speaking
@@ -44,13 +42,15 @@ def bifurcation(
         )
     constants, law, decay = decays.decay(problem, damped, tau)
     if pulsation is None:
-        linear = frequencies(problem.conditions, constants)
+        linear = jshell.oscillator.frequencies(problem.conditions, constants)
         finish(Outcome(int(linear.outcome)))
         pulsation = float(linear.omega_minus)
-    drag = Drag(law, tau)
+    drag = jshell.oscillator.Drag(law, tau)
     amplitudes = np.linspace(lowest, highest, lanes)
     log(f"{lanes} amplitudes, {periods} periods each, pulsation {pulsation:g}")
-    found = diagram(problem.conditions, constants, amplitudes, pulsation, periods=periods, keep=keep, drag=drag)
+    found = jshell.oscillator.bifurcation(
+        problem.conditions, constants, amplitudes, pulsation, periods=periods, keep=keep, drag=drag
+    )
     if plot is not None:
         axes = importlib.import_module("jshell.plot.response").bifurcation_diagram(found)
         importlib.import_module("jshell.plot").save(axes.figure, plot)
@@ -62,7 +62,7 @@ def bifurcation(
             "amplitude": amplitudes,
             "outcome": [Outcome(int(o)) for o in found.outcome],
             "period": found.period,
-            "volume_over_V0": np.asarray(found.volume).T / SPHERE_VOLUME,
+            "volume_over_V0": np.asarray(found.volume).T / jshell.shell.SPHERE_VOLUME,
         }
         say({"pulsation": pulsation, "lanes": rows, "first_ended": first, "decay": decay.record(),
              "plot": None if plot is None else str(plot), "conditions": problem.record()})  # fmt: skip

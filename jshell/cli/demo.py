@@ -1,24 +1,20 @@
 """`jshell demo`: the main job from end to end, beside the published values."""
 
+import importlib
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import typer
 
-from jshell import calibration, dynamics, io, membrane, signals
+import jshell
 from jshell.cli.fits import fit_record
 from jshell.cli.output import Json, finish, log, say, speaking, table
 from jshell.cli.traces import heard_table, settled
-from jshell.errors import BadFile, Outcome
-from jshell.shell import SPHERE_VOLUME, Reduced, presets
-from jshell.shell.rest import plateau_pressure
-from jshell.trace import Trace
+from jshell.errors import BadFile, MissingExtra, Outcome
 
 # Shells whose computed modes are fitted by eq:defw: (d̂, P̂0), loaded so that the plateau law gives V/V0 = 0.75.
 SHELLS = (
@@ -57,28 +53,28 @@ def demo(
         raise BadFile("--out", found=f"the file {out}", expected="a folder", remedy="Choose another name.")
     out.mkdir(parents=True, exist_ok=True)
     began = time.perf_counter()
-    conditions = presets.R.conditions
+    conditions = jshell.presets.R.conditions
 
     with step("rest shape and modes of R"):
-        rest = membrane.rest(conditions, elements=elements, throw=True)
-        undamped = dynamics.modes(conditions, elements=elements, liquid="ideal", throw=True)
-        damped = dynamics.modes(conditions, elements=elements, throw=True)
-        attached = dynamics.modes(conditions, elements=elements, attached=0.3272, throw=True)
+        rest = jshell.membrane.rest(conditions, elements=elements, throw=True)
+        undamped = jshell.dynamics.modes(conditions, elements=elements, liquid="ideal", throw=True)
+        damped = jshell.dynamics.modes(conditions, elements=elements, throw=True)
+        attached = jshell.dynamics.modes(conditions, elements=elements, attached=0.3272, throw=True)
     show(rest_rows(rest, undamped, damped, attached), as_json)
 
     with step("the snap: ramp to 1.62, then hold"):
         c = conditions
-        trace = dynamics.simulate(
-            Reduced(c.thickness, c.gas_pressure, SNAP_LOAD, c.viscosity), elements=elements, throw=True
+        trace = jshell.dynamics.simulate(
+            jshell.Reduced(c.thickness, c.gas_pressure, SNAP_LOAD, c.viscosity), elements=elements, throw=True
         )
-        io.write_trace(out / "snap.csv", trace)
-        heard = signals.extract(trace, throw=True)
+        jshell.io.write_trace(out / "snap.csv", trace)
+        heard = jshell.signals.extract(trace, throw=True)
     show(snap_rows(trace, heard), as_json)
 
     with step(f"eq:defw fitted to the modes of {len(SHELLS)} shells"):
         rows = frequency_table(elements)
         write_table(out / "frequencies.csv", rows)
-        joint = calibration.fit_frequencies(rows)
+        joint = jshell.calibration.fit_frequencies(rows)
     show(joint_rows(joint), as_json)
     note(
         f"  selection: {len(SHELLS)} free shells, d̂ 0.10–0.22, P̂0 0.4–1.5, modes 1 and 2 (|s|, layer to second order), "
@@ -88,8 +84,8 @@ def demo(
     )
 
     with step("the camera recording of an attached shell"):
-        recording = io.read_trace(io.example(RECORDING))
-        listened = signals.extract(recording, throw=True)
+        recording = jshell.io.read_trace(jshell.io.example(RECORDING))
+        listened = jshell.signals.extract(recording, throw=True)
     note(heard_table(listened), as_json)
 
     with step("the short model fitted to the snap and to the recording"):
@@ -174,11 +170,11 @@ def rest_rows(rest, undamped, damped, attached) -> list[tuple]:
     return rows
 
 
-def snap_rows(trace: Trace, heard: signals.Signature) -> list[tuple]:
+def snap_rows(trace: "jshell.Trace", heard: "jshell.signals.Signature") -> list[tuple]:
     """The snap of R, heard on V."""
     paper = "the source's simulation"
     return [
-        ("V/V0 after the snap", settled(trace, "V") / SPHERE_VOLUME, 0.691, "an independent code"),
+        ("V/V0 after the snap", settled(trace, "V") / jshell.shell.SPHERE_VOLUME, 0.691, "an independent code"),
         ("ω− heard on V", heard.omega_minus, SOURCE_ROWS["simulation"]["omega_minus"], paper),
         ("ω+ heard on V", heard.omega_plus, SOURCE_ROWS["simulation"]["omega_plus"], paper),
         ("τ heard on V", heard.tau, 8.0, "an independent code (6 to 8.6 with the window)"),
@@ -188,7 +184,7 @@ def snap_rows(trace: Trace, heard: signals.Signature) -> list[tuple]:
     ]
 
 
-def joint_rows(joint: calibration.FitResult) -> list[tuple]:
+def joint_rows(joint: "jshell.FitResult") -> list[tuple]:
     """Constants of eq:defw from our modes, beside the source's joint fit."""
     rows = []
     for name, key in (("alpha1", "alpha1"), ("alpha2", "alpha2"), ("k_vs", "kVS")):
@@ -200,13 +196,16 @@ def joint_rows(joint: calibration.FitResult) -> list[tuple]:
 
 def frequency_table(elements: int) -> dict[str, np.ndarray]:
     """Modes of `SHELLS`, one row each, the liquid to second order; a shell without a buckled state stops it."""
-    kappa = presets.R.conditions.kappa
-    d, P0 = (jnp.asarray(column) for column in zip(*SHELLS, strict=True))
-    load = P0 * VOLUME_RATIO ** (-kappa) + plateau_pressure(d)
-    viscosity = presets.R.conditions.viscosity
+    jax = importlib.import_module("jax")  # help need not wait for it
+    kappa = jshell.presets.R.conditions.kappa
+    d, P0 = (jax.numpy.asarray(column) for column in zip(*SHELLS, strict=True))
+    load = P0 * VOLUME_RATIO ** (-kappa) + jshell.shell.plateau_pressure(d)
+    viscosity = jshell.presets.R.conditions.viscosity
 
     def one(d, P0, load):
-        return dynamics.modes(Reduced(d, P0, load, viscosity), elements=elements, count=2, liquid="second")
+        return jshell.dynamics.modes(
+            jshell.Reduced(d, P0, load, viscosity), elements=elements, count=2, liquid="second"
+        )
 
     found = jax.vmap(one)(d, P0, load)
     worst = Outcome(int(np.max(np.asarray(found.outcome))))
@@ -224,24 +223,21 @@ def write_table(path: Path, rows: dict[str, np.ndarray]) -> None:
     )
 
 
-def trace_fits(trace: Trace, recording: Trace) -> dict[str, calibration.FitResult]:
+def trace_fits(trace: "jshell.Trace", recording: "jshell.Trace") -> "dict[str, jshell.FitResult]":
     """The short model fitted to the snap, strictly and by modes, and to the recording by modes."""
     return {
-        "the snap, strict (V and S follow the oscillator)": calibration.fit_trajectories(
+        "the snap, strict (V and S follow the oscillator)": jshell.calibration.fit_trajectories(
             trace, "strict", channels=("V", "S"), equilibrium="trace"
         ),
-        "the snap, modal (only ω−, ω+, τ count)": calibration.fit_trajectories(trace, "modal", channels=("V",)),
-        "the recording, modal": calibration.fit_trajectories(recording, "modal"),
+        "the snap, modal (only ω−, ω+, τ count)": jshell.calibration.fit_trajectories(trace, "modal", channels=("V",)),
+        "the recording, modal": jshell.calibration.fit_trajectories(recording, "modal"),
     }
 
 
 def picture(path: Path, *parts) -> Path | None:
     """The overview figure; a word instead where matplotlib is not installed."""
-    from jshell import plot
-    from jshell.errors import MissingExtra
-
     try:
-        plot.save(plot.overview(*parts), path)
+        jshell.plot.save(jshell.plot.overview(*parts), path)
     except MissingExtra as missing:
         log(str(missing))
         return None

@@ -3,19 +3,16 @@
 import json
 import tempfile
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from jshell import io
+import jshell
 from jshell.cli.problem import Problem
-from jshell.dynamics import Losses
-from jshell.dynamics.losses import STOKES
 from jshell.errors import BadFile, BadName, BadValue
-from jshell.io.headers import si_pairs
-from jshell.membrane import WallLoss
-from jshell.oscillator import Pulse, Reynolds, Together, Tone
-from jshell.oscillator.forcing import Forcing
+
+if TYPE_CHECKING:
+    import jshell.oscillator.forcing
 
 _PRESSURE = "Outer pressure"
 _LOSSES = "Losses"
@@ -104,10 +101,11 @@ def outer_pressure(path: Path | None, problem: Problem) -> tuple | None:
         meta = None
         if problem.scales is not None:
             meta = Path(folder) / "conditions.json"
-            meta.write_text(
-                json.dumps({key: float(value) for key, value in si_pairs(problem.conditions, problem.scales)})
-            )
-        trace = io.read_trace(path, meta=meta)
+            from jshell.io.headers import si_pairs  # help need not wait for it
+
+            pairs = si_pairs(problem.conditions, problem.scales)
+            meta.write_text(json.dumps({key: float(value) for key, value in pairs}))
+        trace = jshell.io.read_trace(path, meta=meta)
     if "P_ext" not in trace.channels:
         raise BadFile(
             str(path),
@@ -120,16 +118,16 @@ def outer_pressure(path: Path | None, problem: Problem) -> tuple | None:
 
 def forcing(
     tone: tuple[float, float] | None, burst: tuple[float, float, int] | None, burst_start: float
-) -> Forcing | None:
+) -> "jshell.oscillator.forcing.Forcing | None":
     """What is added to the outer pressure; None where nothing is."""
-    parts: list[Forcing] = []
+    parts: list[jshell.oscillator.forcing.Forcing] = []
     if tone is not None:
-        parts.append(Tone(*tone))
+        parts.append(jshell.oscillator.Tone(*tone))
     if burst is not None:
-        parts.append(Pulse(*burst, start=burst_start))
+        parts.append(jshell.oscillator.Pulse(*burst, start=burst_start))
     if not parts:
         return None
-    return parts[0] if len(parts) == 1 else Together(tuple(parts))
+    return parts[0] if len(parts) == 1 else jshell.oscillator.Together(tuple(parts))
 
 
 def losses(
@@ -140,7 +138,7 @@ def losses(
     retardation: float | None,
     reynolds: bool,
     order: int = 2,
-) -> Losses:
+) -> "jshell.dynamics.Losses":
     """The losses that the options describe.
 
     Raises:
@@ -148,6 +146,8 @@ def losses(
         BadValue: A frequency without its layer, the layer without its frequency, no such order, or bulk loss beside
             a layer.
     """
+    from jshell.dynamics.losses import STOKES  # help need not wait for it
+
     chosen = stokes if stokes is not None else ("memory" if frequency is None else "frequency")
     if chosen not in STOKES:
         raise BadName("--stokes", found=repr(chosen), expected="one of " + ", ".join(STOKES), remedy="memory is usual.")
@@ -160,6 +160,6 @@ def losses(
         )
     loss = None
     if dilatation is not None or retardation is not None:
-        loss = WallLoss(dilatation=dilatation or 0.0, retardation=retardation or 0.0)
-    drag = Reynolds() if reynolds else None
-    return Losses(chosen, frequency=frequency, order=order, bulk=bulk, wall=loss, drag=drag)
+        loss = jshell.membrane.WallLoss(dilatation=dilatation or 0.0, retardation=retardation or 0.0)
+    drag = jshell.oscillator.Reynolds() if reynolds else None
+    return jshell.dynamics.Losses(chosen, frequency=frequency, order=order, bulk=bulk, wall=loss, drag=drag)

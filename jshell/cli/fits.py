@@ -6,8 +6,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from jshell import calibration, io
-from jshell.calibration.joint import CONDITIONS
+import jshell
 from jshell.cli.destinations import drawable, writable
 from jshell.cli.output import Json, finish, log, say, speaking
 from jshell.errors import BadName, BadValue
@@ -74,18 +73,18 @@ def fit(
         start, stop = (low if np.isfinite(low) else start), (high if np.isfinite(high) else stop)
     traces = []
     if table is not None:
-        rows = io.read_table(table, required=TABLE_NEEDS, optional=TABLE_MAY)
+        rows = jshell.io.read_table(table, required=TABLE_NEEDS, optional=TABLE_MAY)
         given = {"--tie": ties, "--local": local, "--uncertain": uncertain, "--robust": robust, "--drop": spans}
         given |= {"--compare": compare, "--window": window}
         for option, value in given.items():
             if value:
                 raise BadValue(option, found="a table", expected="traces", remedy="Leave it out with --table.")
-        found = calibration.fit_frequencies(rows, weighting, fix=fixed, bounds=limits, seed=seed)
+        found = jshell.calibration.fit_frequencies(rows, weighting, fix=fixed, bounds=limits, seed=seed)
     else:
-        traces = [io.read_trace(file, meta=meta) for file in files or []]
+        traces = [jshell.io.read_trace(file, meta=meta) for file in files or []]
         if loss is None and not channel and all({"V", "S"} <= set(trace.channels) for trace in traces):
             loss, channel = "strict", ["V", "S"]
-        found = calibration.fit_trajectories(
+        found = jshell.calibration.fit_trajectories(
             traces,
             loss,
             solver=solver,
@@ -115,7 +114,7 @@ def fit(
     if compare:
         channels = None if found.specification is None else found.specification.channels
         more["models"] = [
-            calibration.compare(trace, channels=channels, equilibrium=equilibrium, start=start, stop=stop)
+            jshell.calibration.compare(trace, channels=channels, equilibrium=equilibrium, start=start, stop=stop)
             for trace in traces
         ]
     tell(found, more, plot, as_json)
@@ -131,17 +130,16 @@ def show(
     """Show a saved fit: its report and its picture, without fitting again."""
     drawable(plot)
     writable(netcdf, "--netcdf")
-    found = calibration.load(record)
+    found = jshell.calibration.load(record)
     if netcdf is not None:
         log(f"wrote {found.to_netcdf(netcdf)}")
     tell(found, {}, plot, as_json)
 
 
-def tell(found: calibration.FitResult, more: dict[str, Any], plot: Path | None, as_json: bool) -> None:
+def tell(found: "jshell.FitResult", more: dict[str, Any], plot: Path | None, as_json: bool) -> None:
     """Draw, print and end as a fit ends."""
     if plot is not None:
-        from jshell import plot as pictures
-
+        pictures = jshell.plot
         axes = pictures.trace_fit(found) if found.traces else pictures.master_curve(found.table, found)
         pictures.save(np.ravel(np.asarray(axes))[0].figure, plot)
         log(f"wrote {plot}")
@@ -159,8 +157,10 @@ def tell(found: calibration.FitResult, more: dict[str, Any], plot: Path | None, 
     finish(found.outcome, sound=not any(text.startswith("misfit") for text in found.warnings))
 
 
-def fit_record(found: calibration.FitResult) -> dict:
+def fit_record(found: "jshell.FitResult") -> dict:
     """A fit as JSON: the constants and their errors on top, the whole record below."""
+    from jshell.calibration.joint import CONDITIONS  # help need not wait for it
+
     plain = ("alpha1", "alpha2", "k_vs", "beta1", "beta2", *CONDITIONS)
     constants = [e for e in found.estimates if e.name.split("[")[0] in plain]
     name = lambda e: e.name.replace("k_vs", SHOWN["k_vs"])  # noqa: E731
