@@ -34,16 +34,20 @@ if TYPE_CHECKING:
     from jshell import memory as memory
     from jshell import plot as plot
     from jshell.calibration import FitResult, load
+    from jshell.calibration import fit_trajectories as fit
+    from jshell.dynamics import modes, simulate
     from jshell.oscillator import Coefficients
     from jshell.service.client import Client
     from jshell.shell import Gas, Liquid, Load, Reduced, Scales, Shell, presets
+    from jshell.signals import extract
     from jshell.trace import Trace
 
 __version__ = "0.1.0"
 __all__ = [
     "Client", "Coefficients", "FitResult", "Gas", "JshellError", "Liquid", "Load", "NotOk", "Outcome", "RangeWarning",
-    "Reduced", "Scales", "Shell", "Trace", "calibration", "campaigns", "comparators", "dynamics", "engines",
-    "io", "load", "membrane", "oscillator", "presets", "quantities", "sensitivity", "shell", "signals",
+    "Reduced", "Scales", "Shell", "Trace", "calibration", "campaigns", "comparators", "dynamics", "engines", "extract",
+    "fit", "io", "load", "membrane", "modes", "oscillator", "presets", "quantities", "sensitivity", "shell", "signals",
+    "simulate",
 ]  # fmt: skip
 
 _ROOMS = (
@@ -53,8 +57,10 @@ _ROOMS = (
 _FROM = {
     "Client": "service.client", "Coefficients": "oscillator", "FitResult": "calibration", "Gas": "shell",
     "Liquid": "shell", "Load": "shell", "Reduced": "shell", "Scales": "shell", "Shell": "shell", "Trace": "trace",
-    "load": "calibration", "presets": "shell",
+    "extract": "signals", "fit": "calibration", "load": "calibration", "modes": "dynamics", "presets": "shell",
+    "simulate": "dynamics",
 }  # fmt: skip
+_CALLED = {"fit": "fit_trajectories"}  # where a room has another name for it
 
 
 def __getattr__(name: str) -> Any:
@@ -62,7 +68,7 @@ def __getattr__(name: str) -> Any:
     if name in _ROOMS:
         return importlib.import_module(f"jshell.{name}")
     if name in _FROM:
-        found = getattr(importlib.import_module(f"jshell.{_FROM[name]}"), name)
+        found = getattr(importlib.import_module(f"jshell.{_FROM[name]}"), _CALLED.get(name, name))
         globals()[name] = found
         return found
     raise AttributeError(f"module 'jshell' has no attribute {name!r}")

@@ -11,6 +11,7 @@ import equinox as eqx
 import jax
 import numpy as np
 
+from jshell.display import TIME, ended, number, readable, shown
 from jshell.errors import BadName, BadShape, MissingExtra, Outcome
 from jshell.quantities import QUANTITIES
 from jshell.shell.parameters import Reduced, Scales
@@ -61,6 +62,22 @@ class Trace(eqx.Module):
                     expected=f"shape {shape}, one value per time",
                     remedy="Cut or resample the channel.",
                 )
+
+    @readable
+    def __repr__(self) -> str:
+        shape = tuple(getattr(self.times, "shape", ()))
+        size = f"{shape[0]} samples" if len(shape) == 1 else f"times of shape {shape}"
+        unit = "s" if self.scales is not None and self.conditions is None else TIME
+        span = f"t {number(self.times[0])} … {number(self.times[-1])} [{unit}]" if len(shape) == 1 and shape[0] else ""
+        return shown(
+            self,
+            size,
+            span,
+            "channels " + " ".join(self.channels),
+            "sigma of " + " ".join(self.sigma) if self.sigma else "",
+            "" if self.conditions is None else f"conditions {self.conditions!r}",
+            ended(self.outcome),
+        )
 
     def __getitem__(self, name: str) -> Values:
         if name not in self.channels:

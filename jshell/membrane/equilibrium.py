@@ -31,6 +31,7 @@ from jshell.contour import (
 from jshell.contour import (
     area as area_of,
 )
+from jshell.display import PRESSURE, ended, number, readable, shown
 from jshell.errors import Outcome
 from jshell.membrane.energy import elastic_energy, wall
 from jshell.membrane.newton import (
@@ -77,6 +78,19 @@ class RestShape(eqx.Module):
     profile: Float[Array, "points"]
     difference: Float[Array, ""]
     elastic: Float[Array, ""]
+
+    @readable
+    def __repr__(self) -> str:
+        return shown(
+            self,
+            f"V/V0 {number(self.volume_ratio)}",
+            f"S/S0 {number(self.area_ratio)}",
+            f"inner pressure {number(self.pressure, PRESSURE)}",
+            f"outer pressure {number(self.outer_pressure, PRESSURE)}",
+            f"smallest stiffness {number(self.stability, 'E d')}",
+            f"{self.meridian.elements} elements",
+            ended(self.outcome),
+        )
 
     @property
     def volume_ratio(self) -> Float[Array, "..."]:

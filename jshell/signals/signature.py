@@ -11,6 +11,7 @@ from itertools import combinations
 
 import numpy as np
 
+from jshell.display import FREQUENCY, TIME, ended, number, readable, shown
 from jshell.errors import BadName, BadValue, NotOk, Outcome
 from jshell.signals.damped_pair import DampedModes, fit
 from jshell.signals.pencil import rates
@@ -73,6 +74,20 @@ class Signature:
     reason: str = ""
     frequency_unit: float | None = None
     fits: tuple[DampedModes, ...] = field(default=(), repr=False)
+
+    @readable
+    def __repr__(self) -> str:
+        hertz = "" if self.f_minus_Hz is None else f"{number((self.f_minus_Hz, self.f_plus_Hz), 'Hz')}"
+        return shown(
+            self,
+            f"ω− {number(self.omega_minus, FREQUENCY)}",
+            f"ω+ {number(self.omega_plus, FREQUENCY)}",
+            f"τ {number(self.tau, TIME)}",
+            hertz,
+            f"modes needed: {self.verdict}",
+            "from " + " ".join(self.channels),
+            ended(self.outcome),
+        )
 
     @property
     def amplitude_ratio(self) -> dict[str, float | None]:
