@@ -47,8 +47,8 @@ def cycle(
     drag = jshell.oscillator.Drag(law, tau)
     times = np.linspace(0.0, cycles * period, cycles * samples + 1)
     log(f"following {cycles} cycles of {period:g} time units")
-    swing = jshell.oscillator.Swing(low - rest, high - rest, period)
-    found = jshell.oscillator.follow(problem.conditions, constants, swing, times=times, drag=drag)
+    pressure = jshell.oscillator.RaisedCosine(low - rest, high - rest, period)
+    found = jshell.oscillator.follow(problem.conditions, constants, pressure, times=times, drag=drag)
     if out is not None:
         t = found.trace
         settings = (*t.settings, *decays.written(decay))

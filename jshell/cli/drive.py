@@ -17,7 +17,7 @@ from jshell.cli.problem import Problem, with_conditions
 from jshell.errors import BadName, BadValue, Outcome
 
 if TYPE_CHECKING:
-    import jshell.oscillator.forcing
+    import jshell.pressure
 
 FORCINGS = ("tone", "pulse", "burst", "step", "ramp")
 DRAGS = ("viscous", "equal_decay", "reynolds", "none")
@@ -134,11 +134,11 @@ def _pulsation(
     return float(found.omega_minus)
 
 
-def _forcing(kind: str, size: float, omega: float, cycles: int, rise: float) -> "jshell.oscillator.forcing.Forcing":
+def _forcing(kind: str, size: float, omega: float, cycles: int, rise: float) -> "jshell.pressure.Pressure":
     if kind not in FORCINGS:
         raise BadName("--forcing", found=repr(kind), expected=", ".join(FORCINGS), remedy="Choose one.")
     if kind == "tone":
         return jshell.oscillator.Tone(size, omega)
     if kind in ("pulse", "burst"):
         return jshell.oscillator.Pulse(size, omega, cycles, 0.0, "hann" if kind == "pulse" else "flat")
-    return jshell.oscillator.Step(size) if kind == "step" else jshell.oscillator.Ramp(size, rise)
+    return jshell.oscillator.Step(size) if kind == "step" else jshell.oscillator.Ramp(stop=size, duration=rise)

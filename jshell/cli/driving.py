@@ -12,7 +12,7 @@ from jshell.cli.problem import Problem
 from jshell.errors import BadFile, BadName, BadValue
 
 if TYPE_CHECKING:
-    import jshell.oscillator.forcing
+    import jshell.pressure
 
 _PRESSURE = "Outer pressure"
 _LOSSES = "Losses"
@@ -118,16 +118,16 @@ def outer_pressure(path: Path | None, problem: Problem) -> tuple | None:
 
 def forcing(
     tone: tuple[float, float] | None, burst: tuple[float, float, int] | None, burst_start: float
-) -> "jshell.oscillator.forcing.Forcing | None":
+) -> "jshell.pressure.Pressure | None":
     """What is added to the outer pressure; None where nothing is."""
-    parts: list[jshell.oscillator.forcing.Forcing] = []
+    parts: list[jshell.pressure.Pressure] = []
     if tone is not None:
         parts.append(jshell.oscillator.Tone(*tone))
     if burst is not None:
         parts.append(jshell.oscillator.Pulse(*burst, start=burst_start))
     if not parts:
         return None
-    return parts[0] if len(parts) == 1 else jshell.oscillator.Together(tuple(parts))
+    return parts[0] if len(parts) == 1 else jshell.oscillator.Sum(tuple(parts))
 
 
 def losses(

@@ -35,11 +35,11 @@ from jshell.contour import (
 from jshell.contour.splines import ParitySplines
 from jshell.dynamics.losses import Losses, layer
 from jshell.dynamics.motion import Body, Loads, State, advance, launch, resolved_motions, restart, solid_mass, velocity
-from jshell.dynamics.protocol import Pressure
 from jshell.errors import Outcome
 from jshell.membrane import elastic_energy, gas_energy, wall
 from jshell.membrane.energy import Area
 from jshell.membrane.equilibrium import CONTACT_GAP, DIMPLE_DEPTH
+from jshell.pressure import Pressure
 from jshell.shell.elasticity import Scalar
 from jshell.shell.parameters import Reduced
 from jshell.shell.rest import gas_pressure

@@ -22,7 +22,6 @@ from jshell.contour import WeakSpot, wall_profile
 from jshell.dynamics.checkpoint import Checkpoint
 from jshell.dynamics.ladder import Rung, climb
 from jshell.dynamics.losses import Losses
-from jshell.dynamics.protocol import Forced, Hold, Pressure, Ramp, Sampled
 from jshell.dynamics.run import CHANNELS, Pace, Progress, Sample, Setup, begin, body_of, go_on
 from jshell.dynamics.starts import relax
 from jshell.dynamics.validity import TOLERATED, series_error, warn_of_thick_layer
@@ -30,6 +29,7 @@ from jshell.errors import BadShape, BadValue, Outcome
 from jshell.membrane import RestShape
 from jshell.membrane.energy import Area, check_area
 from jshell.membrane.rest import cached_meridian, raise_unless_ok, warn_of_asymmetry
+from jshell.pressure import Hold, Pressure, Ramp, Recorded, Sum
 from jshell.shell.elasticity import SPHERE_VOLUME, Scalar
 from jshell.shell.parameters import Number, Reduced, check
 from jshell.trace import Trace, Values
@@ -208,7 +208,9 @@ def _run(
         spot = WeakSpot() if weak_spot is None else weak_spot
         shape = cached_meridian(elements, attached)
         profile, q = wall_profile(shape, spot), shape.sphere
-        steady = Ramp(conditions.gas_pressure, conditions.outer_pressure, jnp.asarray(ramp, dtype=float))
+        steady = Ramp(
+            start=conditions.gas_pressure, stop=conditions.outer_pressure, duration=jnp.asarray(ramp, dtype=float)
+        )
     else:
         spot, shape, profile, q = None, start.meridian, start.profile, start.coordinates
         steady = Hold(conditions.outer_pressure)
@@ -246,10 +248,10 @@ def _run(
 def _protocol(steady: Pressure, pressure, forcing) -> Pressure:
     """The outer pressure in time, from what the user gave."""
     if isinstance(pressure, tuple | list):
-        steady = Sampled(*(jnp.asarray(part, dtype=float) for part in pressure))
+        steady = Recorded(*(jnp.asarray(part, dtype=float) for part in pressure))
     elif pressure is not None:
         steady = pressure
-    return steady if forcing is None else Forced(steady, forcing)
+    return steady if forcing is None else Sum((steady, forcing))
 
 
 def _in_chunks(setup, began, protocol, count, pace, checkpoint, report) -> tuple[Progress, Sample]:

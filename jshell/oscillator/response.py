@@ -24,11 +24,11 @@ from jshell.oscillator.coefficients import Coefficients
 from jshell.oscillator.drag import VISCOUS, Drag
 from jshell.oscillator.drive import _ENDED, _as_arrays
 from jshell.oscillator.fixed import MAD, march, rk4
-from jshell.oscillator.forcing import Tone
 from jshell.oscillator.linear import matrices
 from jshell.oscillator.motion import Driven
 from jshell.oscillator.simulate import is_buckled
 from jshell.oscillator.unbuckling import unbuckling_volume
+from jshell.pressure import Tone
 from jshell.shell.parameters import Reduced
 from jshell.shell.rest import RestState, buckled_state
 

@@ -7,7 +7,6 @@ Source     Mokbel et al. 2021: eq:eqmovadimV, eq:eqmovadimS, eq:defw, eq:limstab
 
 from collections.abc import Callable
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -15,6 +14,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float, Int
 
+from jshell import integrator
 from jshell.errors import BadName, BadShape, BadValue, Outcome
 from jshell.oscillator.coefficients import Coefficients
 from jshell.oscillator.lagrangian import acceleration
@@ -35,7 +35,6 @@ from jshell.trace import Trace, Values
 SOLVERS = ("exact", "diffrax")
 MODELS = ("linear", "nonlinear")
 LAWS: dict[str, Callable[[Reduced], RestState]] = {"coupier2019": buckled_state}
-ADJOINTS = {"reverse": diffrax.RecursiveCheckpointAdjoint, "forward": diffrax.ForwardMode}
 
 
 class Frequencies(eqx.Module):
@@ -166,7 +165,7 @@ def simulate(
     """
     _choose("solver", solver, SOLVERS)
     _choose("model", model, MODELS)
-    _choose("adjoint", adjoint, ADJOINTS)
+    _choose("adjoint", adjoint, integrator.ADJOINTS)
     if model == "nonlinear" and solver == "exact":
         raise BadName(
             "solver 'exact'",
@@ -231,21 +230,9 @@ def integrate(
 ) -> tuple[jax.Array, jax.Array]:
     """Adaptive integration from the first time through all; whether it reached the last."""
     rtol, atol, adjoint = options
-    solution = diffrax.diffeqsolve(
-        diffrax.ODETerm(field),
-        diffrax.Dopri8(),  # its dense output is of order 7: Tsit5's, of order 4, would limit the accuracy
-        t0=times[0],
-        t1=times[-1],
-        dt0=None,
-        y0=start,
-        args=args,
-        saveat=diffrax.SaveAt(ts=times),
-        stepsize_controller=diffrax.PIDController(rtol=rtol, atol=atol),
-        adjoint=ADJOINTS[adjoint](),
-        max_steps=65536,
-        throw=False,
-    )
-    return jnp.asarray(solution.ys), solution.result == diffrax.RESULTS.successful
+    how = integrator.Options(rtol, atol, adjoint=adjoint)
+    found = integrator.integrate(field, start, times, how, args=args)
+    return jnp.asarray(found.samples), found.worked
 
 
 def _nonlinear_field(t, moved, args):

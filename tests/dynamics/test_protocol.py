@@ -31,7 +31,7 @@ def test_a_pressure_may_be_a_law_or_a_record(R):
     by_ramp = simulate(R, ramp=0.5, **SHORT)
     times = np.array([0.0, 0.5, 2.0])
     by_record = simulate(R, pressure=(times, np.array([0.9, 1.6, 1.6])), **SHORT)
-    by_law = simulate(R, pressure=Ramp(0.9, 1.6, 0.5), **SHORT)
+    by_law = simulate(R, pressure=Ramp(start=0.9, stop=1.6, duration=0.5), **SHORT)
     np.testing.assert_allclose(by_record["V"], by_ramp["V"], rtol=1e-12)
     np.testing.assert_allclose(by_law["V"], by_ramp["V"], rtol=1e-12)
 

@@ -9,7 +9,7 @@ from jshell.errors import BadName, BadValue, Outcome
 from jshell.oscillator import (
     SOURCE,
     Drag,
-    Swing,
+    RaisedCosine,
     bifurcation,
     crossing,
     follow,
@@ -33,7 +33,7 @@ def test_a_slow_cycle_of_the_pressure_closes_and_turns_at_the_printed_loads(shel
     period = 1500.0
     times = np.linspace(0.0, 2 * period, 2001)
     rest = float(shell.outer_pressure)
-    swing = Swing(0.80 - rest, 1.30 - rest, period)
+    swing = RaisedCosine(0.80 - rest, 1.30 - rest, period)
     passage = follow(shell, constants, swing, times=times, drag=DECAY)
     assert passage.outcome == Outcome.OK
     assert [switch.buckles for switch in passage.switches] == [True, False, True, False]

@@ -1,14 +1,17 @@
-"""What the pressure far away does: steps, ramps, tones, bursts, pulses, records.
+"""What the pressure far away does, for both models: steps, ramps, tones, bursts, records.
 
-A forcing is a function of time that returns the pressure *added* to the steady
-outer pressure of the conditions. Any callable will do; those here know their
-convention and can be made from kilopascals and megahertz.
+A pressure is a function of time. The simulator takes the outer pressure itself,
+the short model what is *added* to the steady outer pressure of the conditions;
+a tone or a burst may be added in both. Any callable will do; those here know
+their convention and can be made from kilopascals and megahertz.
 
-Symbols    p added pressure [E d/R0]   t time [sqrt(ρ_f R0³/(E d))]   ω pulsation [1/time]
+Symbols    p pressure [E d/R0]   t time [sqrt(ρ_f R0³/(E d))]   ω angular frequency [1/time]
 Valid for  a shell small against the wavelength: the pressure is the same all around it
-Source     peak negative pressure and number of cycles as in diagnostic ultrasound
+Source     peak negative pressure and number of cycles as in diagnostic ultrasound; a slow ramp from P0, then hold:
+           Mokbel et al. 2021, numerical method
 """
 
+import warnings
 from collections.abc import Callable
 from functools import lru_cache
 from typing import Any, TypeAlias
@@ -22,16 +25,25 @@ from jax.core import Tracer
 from jshell.errors import BadName, BadShape, BadValue
 from jshell.shell.parameters import Number, Scales, check
 
-Forcing: TypeAlias = Callable[[Any], jax.Array]
+Pressure: TypeAlias = Callable[[Any], jax.Array]
 Moment: TypeAlias = Number | int
 WINDOWS = ("hann", "flat")
 
 
-class Still(eqx.Module):
-    """No forcing: the outer pressure stays what the conditions say."""
+class Zero(eqx.Module):
+    """Nothing added: the outer pressure stays what the conditions say."""
 
     def __call__(self, t: Moment) -> jax.Array:
         return jnp.zeros_like(jnp.asarray(t, dtype=float))
+
+
+class Hold(eqx.Module):
+    """A constant pressure [E d/R0]."""
+
+    pressure: Number
+
+    def __call__(self, t: Moment) -> jax.Array:
+        return jnp.asarray(self.pressure + 0.0 * t)
 
 
 class Step(eqx.Module):
@@ -45,17 +57,61 @@ class Step(eqx.Module):
 
 
 class Ramp(eqx.Module):
-    """Pressure added evenly over `duration` from `start` on, then held."""
+    """A straight ramp from one pressure to another, then hold; a sudden step where the duration is zero.
 
-    amplitude: Number
+    By keyword only: the two models once gave their arguments different orders.
+
+    Args:
+        stop: Pressure after it [E d/R0].
+        start: Pressure before it; nothing added.
+        duration: Time it takes [time unit].
+        begin: When it begins [time unit].
+
+    Raises:
+        BadValue: A duration below 0, or arguments without names.
+
+    Example:
+        >>> from jshell.pressure import Ramp
+        >>> ramp = Ramp(start=0.9, stop=1.6, duration=25.0)
+        >>> print(f"{float(ramp(12.5)):.2f}")
+        1.25
+    """
+
+    start: Number
+    stop: Number
     duration: Number
-    start: Number = 0.0
+    begin: Number
 
-    def __check_init__(self) -> None:
-        check("duration", self.duration, "a time above 0", lambda x: x > 0)
+    def __init__(
+        self,
+        *positional: Number | int,
+        stop: Number | None = None,
+        start: Number = 0.0,
+        duration: Number = 25.0,
+        begin: Number = 0.0,
+        amplitude: Number | None = None,
+    ) -> None:
+        if positional:
+            raise BadValue(
+                "Ramp",
+                found=f"{len(positional)} arguments without names",
+                expected="Ramp(start=…, stop=…, duration=…, begin=…)",
+                remedy="The simulator's Ramp(a, b, c) is start, stop, duration; the short model's is stop, duration, "
+                "begin.",
+            )
+        if amplitude is not None:
+            warnings.warn("Ramp(amplitude=, start=) is now Ramp(stop=, begin=)", DeprecationWarning, stacklevel=2)
+            stop, start, begin = amplitude, 0.0, start
+        if stop is None:
+            raise BadValue("Ramp", found="no stop", expected="a pressure to end at", remedy="Give stop=….")
+        check("duration", duration, "a time of at least 0", lambda x: x >= 0)
+        self.start, self.stop, self.duration, self.begin = start, stop, duration, begin
 
     def __call__(self, t: Moment) -> jax.Array:
-        return jnp.asarray(self.amplitude * jnp.clip((t - self.start) / self.duration, 0.0, 1.0))
+        lasts = jnp.asarray(self.duration) > 0
+        safe = jnp.where(lasts, self.duration, 1.0)
+        done = jnp.where(lasts, jnp.clip((t - self.begin) / safe, 0.0, 1.0), jnp.where(t >= self.begin, 1.0, 0.0))
+        return jnp.asarray(self.start + (self.stop - self.start) * done)
 
 
 class Tone(eqx.Module):
@@ -83,8 +139,8 @@ class Tone(eqx.Module):
         return Tone(amplitude / unit.pressure, 2 * np.pi * frequency * unit.time)
 
 
-class Swing(eqx.Module):
-    """Pressure that swings between two values, from `low` to `high` and back once a period, without a corner."""
+class RaisedCosine(eqx.Module):
+    """A raised cosine: from `low` to `high` and back once a period."""
 
     low: Number
     high: Number
@@ -113,7 +169,7 @@ class Pulse(eqx.Module):
 
     Example:
         >>> import numpy as np
-        >>> from jshell.oscillator import Pulse
+        >>> from jshell.pressure import Pulse
         >>> pulse = Pulse(0.3, 2.0, 4)
         >>> print(f"{float(np.min(pulse(np.linspace(0, 13, 20001)))):.6f}")
         -0.300000
@@ -173,7 +229,10 @@ class Recorded(eqx.Module):
 
     Args:
         times: (samples,) increasing.
-        values: (samples,) added pressure.
+        values: (samples,) pressure [E d/R0].
+
+    Raises:
+        BadShape, BadValue: Lengths that differ, times that do not increase, numbers that are not finite.
     """
 
     times: jax.Array | np.ndarray
@@ -181,28 +240,38 @@ class Recorded(eqx.Module):
 
     def __check_init__(self) -> None:
         shapes = np.shape(self.times), np.shape(self.values)
-        if shapes[0] != shapes[1] or len(shapes[0]) != 1 or shapes[0][0] < 2:
+        if shapes[0] != shapes[1] or len(shapes[0]) != 1 or shapes[0][0] < 1:
             raise BadShape(
-                "times, values",
-                found=f"shapes {shapes[0]} and {shapes[1]}",
-                expected="two lists of one length, at least 2",
+                "pressure",
+                found=f"times {shapes[0]}, values {shapes[1]}",
+                expected="two lists of one length",
                 remedy="Give one pressure per time.",
             )
-        check("values", self.values, "finite pressures", lambda x: np.isfinite(x))
+        check("pressure", self.values, "finite pressures", lambda x: np.isfinite(x))
         if not isinstance(self.times, Tracer) and not np.all(np.diff(np.asarray(self.times)) > 0):
-            raise BadValue("times", found="times that do not increase", expected="increasing times", remedy="Sort.")
+            raise BadValue(
+                "pressure",
+                found="times that do not increase",
+                expected="increasing times",
+                remedy="Sort the record and drop its gaps.",
+            )
 
     def __call__(self, t: Moment) -> jax.Array:
         return jnp.interp(t, jnp.asarray(self.times), jnp.asarray(self.values))
 
 
-class Together(eqx.Module):
-    """Several forcings at once; a tone upon a ramp, say."""
+class Sum(eqx.Module):
+    """Several pressures at once; a tone upon a ramp, say."""
 
-    parts: tuple[Forcing, ...]
+    parts: tuple[Pressure, ...]
 
     def __call__(self, t: Moment) -> jax.Array:
         total = self.parts[0](t)
         for part in self.parts[1:]:
             total = total + part(t)
-        return total
+        return jnp.asarray(total)
+
+
+def forced(steady: Pressure, forcing: Pressure) -> Sum:
+    """A steady pressure and what is added to it; the former class `Forced` of `jshell.dynamics`."""
+    return Sum((steady, forcing))
