@@ -48,7 +48,7 @@ def cycle(
     times = np.linspace(0.0, cycles * period, cycles * samples + 1)
     log(f"following {cycles} cycles of {period:g} time units")
     pressure = jshell.oscillator.RaisedCosine(low - rest, high - rest, period)
-    found = jshell.oscillator.follow(problem.conditions, constants, pressure, times=times, drag=drag)
+    found = jshell.oscillator.simulate_regimes(problem.conditions, constants, pressure, times=times, drag=drag)
     if out is not None:
         t = found.trace
         settings = (*t.settings, *decays.written(decay))

@@ -20,8 +20,8 @@ from jaxtyping import Array, Float
 
 from jshell.contour import WeakSpot, wall_profile
 from jshell.dynamics.checkpoint import Checkpoint
-from jshell.dynamics.ladder import Rung, climb
 from jshell.dynamics.losses import Losses
+from jshell.dynamics.refinement import Level, refine
 from jshell.dynamics.run import CHANNELS, Pace, Progress, Sample, Setup, begin, body_of, go_on
 from jshell.dynamics.starts import relax
 from jshell.dynamics.validity import TOLERATED, series_error, warn_of_thick_layer
@@ -110,7 +110,7 @@ def simulate(
 
     Returns:
         A trace with the channels V, S, H, W, x_front, x_back, v_front, v_back, V_rate, P, P_ext, the energies
-        kinetic, elastic, gas, and the books: work (of the outer pressure), loss_layer, lent_layer, loss_bulk,
+        kinetic, elastic, gas, and the energy ledger: work (of the outer pressure), loss_layer, lent_layer, loss_bulk,
         loss_wall, loss_drag. kinetic + elastic + gas + losses - work stays constant. Its outcome is ok, contact
         or mesh. A run that ended early holds its samples up to the event (under `jit`: repeats the last good
         sample to the end, without derivative). Its settings say when a dimple formed, returned, became steady.
@@ -132,11 +132,11 @@ def simulate(
             remedy="Compare with a finer start yourself, or leave the tolerance out.",
         )
 
-    def at(rung: Rung) -> Trace:
-        options.update(elements=rung.elements, step=rung.step, throw=False)
+    def at(level: Level) -> Trace:
+        options.update(elements=level.elements, step=level.step, throw=False)
         return _run(conditions, shapes=False, **options)[0]
 
-    found = climb(at, volume_apart, tolerance)
+    found = refine(at, volume_apart, tolerance)
     trace: Trace = found.result  # type: ignore[assignment]
     settings = (*trace.settings, ("tolerance", repr(tolerance)), ("error_estimate", repr(found.error)))
     ended_well = int(trace.outcome) == Outcome.OK

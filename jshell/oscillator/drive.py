@@ -20,7 +20,7 @@ from jshell import integrator
 from jshell.errors import BadName, BadShape, BadValue, NotOk, Outcome
 from jshell.oscillator.coefficients import Coefficients
 from jshell.oscillator.drag import VISCOUS, Drag
-from jshell.oscillator.fixed import ENDINGS, MAD, march
+from jshell.oscillator.fixed import DIVERGED, ENDINGS, march
 from jshell.oscillator.lagrangian import gas_energy, kinetic_energy, wall_energy
 from jshell.oscillator.motion import Driven, Motion, back_position, front_position, front_velocity
 from jshell.oscillator.simulate import is_buckled, is_uniform
@@ -263,7 +263,7 @@ def _run(
         motion, ended = run.motion, run.ended
         accepted = jnp.full(shape, (ts.size - 1) * substeps)
         rejected = jnp.zeros_like(accepted)
-        outcome = jnp.asarray(_ENDED)[jnp.where(run.ending < 0, MAD + 1, run.ending)]
+        outcome = jnp.asarray(_ENDED)[jnp.where(run.ending < 0, DIVERGED + 1, run.ending)]
         told = f"rk4, {substeps} steps a sample"
     else:
         motion, ended, outcome, accepted, rejected = _adaptive(driven, start, ts, solver, step, options, limit)

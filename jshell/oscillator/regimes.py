@@ -60,7 +60,7 @@ class Thresholds(NamedTuple):
     unbuckling_volume: float
 
 
-class Passage(eqx.Module):
+class Trajectory(eqx.Module):
     """How a shell followed its pressure.
 
     Attributes:
@@ -94,7 +94,7 @@ def thresholds(conditions: Reduced, coefficients: Coefficients, equilibrium: Res
     return Thresholds(float(load), float(V_b), float(out), float(V_u))
 
 
-def follow(
+def simulate_regimes(
     conditions: Reduced,
     coefficients: Coefficients,
     forcing: Pressure,
@@ -105,7 +105,7 @@ def follow(
     equilibrium: RestState | None = None,
     rtol: float = 1e-9,
     atol: float = 1e-11,
-) -> Passage:
+) -> Trajectory:
     """The motion of a shell that may buckle and unbuckle.
 
     Args:
@@ -121,7 +121,7 @@ def follow(
         rtol, atol: Tolerances of the adaptive solver.
 
     Returns:
-        The passage. After an end by flattening (out_of_range), emptying (contact) or too many switches
+        The trajectory. After an end by flattening (out_of_range), emptying (contact) or too many switches
         (not_converged) the samples are NaN.
 
     Raises:
@@ -174,7 +174,7 @@ def follow(
     channels: dict[str, Values] = {"V": rows[:, 0], "S": rows[:, 1], "P_ext": outer, "buckled": rows[:, 4]}
     settings = (("model", "oscillator, both states"), ("solver", f"dopri8, rtol {rtol:g}, atol {atol:g}"))
     trace = Trace(np.asarray(ts), channels, conditions, outcome=int(outcome), settings=settings)
-    return Passage(trace, tuple(switches), at, outcome, accepted, rejected)
+    return Trajectory(trace, tuple(switches), at, outcome, accepted, rejected)
 
 
 def _first_state(driven: Driven, regime: int, outer: float) -> tuple[jax.Array, ...]:

@@ -23,7 +23,7 @@ from jshell.errors import BadValue, Outcome
 from jshell.oscillator.coefficients import Coefficients
 from jshell.oscillator.drag import VISCOUS, Drag
 from jshell.oscillator.drive import _ENDED, _as_arrays
-from jshell.oscillator.fixed import MAD, march, rk4
+from jshell.oscillator.fixed import DIVERGED, march, rk4
 from jshell.oscillator.linear import matrices
 from jshell.oscillator.motion import Driven
 from jshell.oscillator.simulate import is_buckled
@@ -106,7 +106,7 @@ def _strobe(given: Any, A: jax.Array, pulsation: jax.Array, periods: int, keep: 
     run = march(
         driven, start, jnp.asarray(0.0), step, periods, steps, unbuckling_volume(conditions, coefficients, state)
     )
-    outcome = jnp.asarray(_ENDED)[jnp.where(run.ending < 0, MAD + 1, run.ending)]
+    outcome = jnp.asarray(_ENDED)[jnp.where(run.ending < 0, DIVERGED + 1, run.ending)]
     outcome = jnp.where(is_buckled(state), outcome, int(Outcome.NO_BUCKLED_STATE))
     alive = run.ending < 0
     volume = jnp.where(alive, run.motion.V[-keep:] - state.volume, jnp.nan)

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jshell.oscillator import Bifurcation, Crossing, Passage, Response, ResponseCurve, SimulatedModes, harmonics
+from jshell.oscillator import Bifurcation, Crossing, Response, ResponseCurve, SimulatedModes, Trajectory, harmonics
 from jshell.oscillator.spectrum import spectrum
 from jshell.plot.style import (
     BLACK,
@@ -167,11 +167,11 @@ def softening_map(thickness: np.ndarray, gas_pressure: np.ndarray, drop: np.ndar
     return ax
 
 
-def hysteresis(passage: Passage, ax: Axes | None = None) -> Axes:
+def hysteresis(trajectory: Trajectory, ax: Axes | None = None) -> Axes:
     """Volume over the outer pressure, with the loads at which a slow pressure buckles and unbuckles the shell."""
-    P, V = np.asarray(passage.trace["P_ext"]), np.asarray(passage.trace["V"]) / SPHERE_VOLUME
-    buckled = np.asarray(passage.trace["buckled"]) == 1
-    at = passage.thresholds
+    P, V = np.asarray(trajectory.trace["P_ext"]), np.asarray(trajectory.trace["V"]) / SPHERE_VOLUME
+    buckled = np.asarray(trajectory.trace["buckled"]) == 1
+    at = trajectory.thresholds
     with style():
         ax = axes_or_new(ax, (4.6, 3.2))
         ax.plot(P, np.where(buckled, V, np.nan), color=BLUE, linewidth=0.9, label="buckled")

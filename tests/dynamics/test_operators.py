@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from jshell.dynamics import Losses, kick, modes
-from jshell.dynamics.motion import Loads, advance, launch
+from jshell.dynamics.motion import Loads, advance, initialise
 from jshell.dynamics.operators import dense, free
 from jshell.dynamics.run import Setup, body_of
 from jshell.membrane import WallLoss
@@ -37,16 +37,26 @@ def both(moving):
         "mass": (matrices.M @ v, actions.on_wall(actions.mass(v, y))),
         "slip": (matrices.W @ v, actions.slip(v, y)),
         "slip transposed": (matrices.W.T @ f, actions.on_wall(actions.slip_transposed(f))),
-        "turning": (matrices.T @ v, actions.on_wall(actions.turning(v))),
-        "turning transposed": (matrices.T.T @ v, actions.turning_transposed(v)),
+        "gyroscopic": (matrices.T @ v, actions.on_wall(actions.gyroscopic(v))),
+        "gyroscopic transposed": (matrices.T.T @ v, actions.gyroscopic_transposed(v)),
         "second order": (matrices.B @ v, actions.bulk(v)),
         "wall": (matrices.C @ v, actions.solid(v)),
-        "thrust": (matrices.thrust, actions.thrust),
+        "kinetic gradient": (matrices.kinetic_gradient, actions.kinetic_gradient),
     }
 
 
 @pytest.mark.parametrize(
-    "name", ["mass", "slip", "slip transposed", "turning", "turning transposed", "second order", "wall", "thrust"]
+    "name",
+    [
+        "mass",
+        "slip",
+        "slip transposed",
+        "gyroscopic",
+        "gyroscopic transposed",
+        "second order",
+        "wall",
+        "kinetic gradient",
+    ],
 )
 def test_actions_are_the_matrices(both, name):
     by_matrix, by_action = both[name]
@@ -57,7 +67,7 @@ def test_actions_are_the_matrices(both, name):
 def test_the_derivative_of_a_step_is_its_difference(moving):
     body, q, u, _ = moving
     load = jnp.asarray(1.62)
-    state = launch(body, q, u, load, "current")
+    state = initialise(body, q, u, load, "current")
     state = advance(body, state, Loads(load, load, load), jnp.asarray(STEP), RADIUS, "current")
     rng = np.random.default_rng(0)
     along = jax.tree.map(lambda a: 0.1 * jnp.max(jnp.abs(a)) * rng.normal(size=a.shape), state)

@@ -4,11 +4,18 @@ import importlib
 
 import pytest
 
-from jshell import pressure
+from jshell import flow, oscillator, pressure
 
 RENAMED = {
     "jshell.dynamics": {"Sampled": pressure.Recorded},
-    "jshell.oscillator": {"Still": pressure.Zero, "Swing": pressure.RaisedCosine, "Together": pressure.Sum},
+    "jshell.flow": {"turning": flow.gyroscopic},
+    "jshell.oscillator": {
+        "Passage": oscillator.Trajectory,
+        "follow": oscillator.simulate_regimes,
+        "Still": pressure.Zero,
+        "Swing": pressure.RaisedCosine,
+        "Together": pressure.Sum,
+    },
 }
 
 
