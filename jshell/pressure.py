@@ -23,6 +23,7 @@ import numpy as np
 from jax.core import Tracer
 
 from jshell.errors import BadName, BadShape, BadValue
+from jshell.renamed import renamed_arguments, renamed_attribute
 from jshell.shell.parameters import Number, Scales, check
 
 Pressure: TypeAlias = Callable[[Any], jax.Array]
@@ -118,17 +119,19 @@ class Tone(eqx.Module):
     """p = amplitude · sin(ω t + phase), for ever; over `rise` periods it grows from nothing, smoothly."""
 
     amplitude: Number
-    pulsation: Number
+    angular_frequency: Number
     phase: Number = 0.0
     rise: Number = 0.0
 
+    pulsation = renamed_attribute("pulsation", "angular_frequency")
+
     def __check_init__(self) -> None:
-        check("pulsation", self.pulsation, "a number above 0", lambda x: x > 0)
+        check("angular_frequency", self.angular_frequency, "a number above 0", lambda x: x > 0)
         check("rise", self.rise, "a number of periods, 0 or more", lambda x: x >= 0)
 
     def __call__(self, t: Moment) -> jax.Array:
-        wave = jnp.sin(self.pulsation * t + self.phase)
-        periods = self.pulsation * t / (2 * jnp.pi)
+        wave = jnp.sin(self.angular_frequency * t + self.phase)
+        periods = self.angular_frequency * t / (2 * jnp.pi)
         risen = jnp.clip(periods / jnp.where(jnp.asarray(self.rise) > 0, self.rise, 1.0), 0.0, 1.0)
         swell = jnp.where(jnp.asarray(self.rise) > 0, jnp.sin(jnp.pi / 2 * risen) ** 2, 1.0)
         return jnp.asarray(self.amplitude * wave * swell)
@@ -137,6 +140,9 @@ class Tone(eqx.Module):
     def from_si(amplitude: float, frequency: float, unit: Scales) -> "Tone":
         """A tone of an amplitude [Pa] and a frequency [Hz]."""
         return Tone(amplitude / unit.pressure, 2 * np.pi * frequency * unit.time)
+
+
+Tone.__init__ = renamed_arguments(pulsation="angular_frequency")(Tone.__init__)
 
 
 class RaisedCosine(eqx.Module):
@@ -162,7 +168,7 @@ class Pulse(eqx.Module):
 
     Args:
         peak_negative: Size of the lowest pressure, a positive number [E d/R0].
-        pulsation: Of the carrier [1/time].
+        angular_frequency: Of the carrier [1/time].
         cycles: How many.
         start: When it begins.
         window: `hann`, or `flat` (a plain burst).
@@ -176,23 +182,25 @@ class Pulse(eqx.Module):
     """
 
     peak_negative: Number
-    pulsation: Number
+    angular_frequency: Number
     cycles: int = eqx.field(static=True, default=3)
     start: Number = 0.0
     window: str = eqx.field(static=True, default="hann")
+
+    pulsation = renamed_attribute("pulsation", "angular_frequency")
 
     def __check_init__(self) -> None:
         if self.window not in WINDOWS:
             raise BadName(
                 f"window {self.window!r}", found="no such window", expected=" or ".join(WINDOWS), remedy="Choose one."
             )
-        check("pulsation", self.pulsation, "a number above 0", lambda x: x > 0)
+        check("angular_frequency", self.angular_frequency, "a number above 0", lambda x: x > 0)
         check("peak_negative", self.peak_negative, "a size, 0 or more", lambda x: x >= 0)
         if self.cycles < 1:
             raise BadValue("cycles", found=f"{self.cycles}", expected="1 or more", remedy="Count whole cycles.")
 
     def __call__(self, t: Moment) -> jax.Array:
-        phase = jnp.asarray(self.pulsation * (t - self.start) / (2 * jnp.pi))  # in cycles
+        phase = jnp.asarray(self.angular_frequency * (t - self.start) / (2 * jnp.pi))  # in cycles
         inside = (phase > 0) & (phase < self.cycles)
         shape = jnp.sin(2 * jnp.pi * phase)
         if self.window == "hann":
@@ -202,15 +210,18 @@ class Pulse(eqx.Module):
     @property
     def duration(self) -> Number:
         """How long it lasts."""
-        return 2 * np.pi * self.cycles / self.pulsation
+        return 2 * np.pi * self.cycles / self.angular_frequency
 
     @staticmethod
     def from_si(
         peak_negative: float, frequency: float, cycles: int, unit: Scales, *, start: float = 0.0, window: str = "hann"
     ) -> "Pulse":
         """A pulse of a peak negative pressure [Pa], a centre frequency [Hz] and cycles, beginning at a time [s]."""
-        pulsation = 2 * np.pi * frequency * unit.time
-        return Pulse(peak_negative / unit.pressure, pulsation, cycles, start / unit.time, window)
+        angular_frequency = 2 * np.pi * frequency * unit.time
+        return Pulse(peak_negative / unit.pressure, angular_frequency, cycles, start / unit.time, window)
+
+
+Pulse.__init__ = renamed_arguments(pulsation="angular_frequency")(Pulse.__init__)
 
 
 @lru_cache(maxsize=64)

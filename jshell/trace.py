@@ -1,6 +1,6 @@
 """What a measurement is: times, named channels, and the conditions they were taken under.
 
-The simulator and the oscillator return one, the listener and the fits take
+The simulator and the oscillator return one, the extraction of modes and the fits take
 one, files hold one. Inside, all numbers are dimensionless; `scales` says what
 the units were when the trace came from a laboratory.
 """

@@ -51,7 +51,7 @@ def test_steps_ramps_and_records():
 def test_wrong_pressures_are_refused():
     with pytest.raises(BadName, match="window"):
         Pulse(0.1, 1.0, window="box")
-    with pytest.raises(BadValue, match="pulsation"):
+    with pytest.raises(BadValue, match="angular_frequency"):
         Tone(0.1, 0.0)
     with pytest.raises(BadValue, match="increase"):
         Recorded(np.array([1.0, 0.0]), np.array([0.0, 1.0]))

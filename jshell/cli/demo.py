@@ -13,7 +13,7 @@ import typer
 import jshell
 from jshell.cli.fits import fit_record
 from jshell.cli.output import Json, finish, log, say, speaking, table
-from jshell.cli.traces import heard_table, settled
+from jshell.cli.traces import settled, signature_table
 from jshell.errors import BadFile, MissingExtra, Outcome
 
 # Shells whose computed modes are fitted by eq:defw: (d̂, P̂0), loaded so that the plateau law gives V/V0 = 0.75.
@@ -68,8 +68,8 @@ def demo(
             jshell.Reduced(c.thickness, c.gas_pressure, SNAP_LOAD, c.viscosity), elements=elements, throw=True
         )
         jshell.io.write_trace(out / "snap.csv", trace)
-        heard = jshell.signals.extract(trace, throw=True)
-    show(snap_rows(trace, heard), as_json)
+        ringing = jshell.signals.extract(trace, throw=True)
+    show(snap_rows(trace, ringing), as_json)
 
     with step(f"eq:defw fitted to the modes of {len(SHELLS)} shells"):
         rows = frequency_table(elements)
@@ -85,8 +85,8 @@ def demo(
 
     with step("the camera recording of an attached shell"):
         recording = jshell.io.read_trace(jshell.io.example(RECORDING))
-        listened = jshell.signals.extract(recording, throw=True)
-    note(heard_table(listened), as_json)
+        recorded = jshell.signals.extract(recording, throw=True)
+    note(signature_table(recorded), as_json)
 
     with step("the short model fitted to the snap and to the recording"):
         fits = trace_fits(trace, recording)
@@ -94,7 +94,7 @@ def demo(
         note(f"\n{name}\n{found.report()}", as_json)
 
     with step("figure"):
-        figure = picture(out / "demo.png", rest, damped, trace, heard, rows, joint, recording, listened)
+        figure = picture(out / "demo.png", rest, damped, trace, ringing, rows, joint, recording, recorded)
     log(f"wrote {out / 'snap.csv'}, {out / 'frequencies.csv'}" + (f", {figure}" if figure else ""))
     seconds = time.perf_counter() - began
     if as_json:
@@ -107,9 +107,9 @@ def demo(
                     "tau": damped.tau,
                     "attached": attached.omega,
                 },
-                "snap": heard.record(),
+                "snap": ringing.record(),
                 "joint_fit": fit_record(joint),
-                "recording": listened.record(),
+                "recording": recorded.record(),
                 "fits": {name: fit_record(found) for name, found in fits.items()},
                 "figure": None if figure is None else str(figure),
                 "seconds": seconds,
@@ -170,17 +170,17 @@ def rest_rows(rest, undamped, damped, attached) -> list[tuple]:
     return rows
 
 
-def snap_rows(trace: "jshell.Trace", heard: "jshell.signals.Signature") -> list[tuple]:
-    """The snap of R, heard on V."""
+def snap_rows(trace: "jshell.Trace", found: "jshell.signals.Signature") -> list[tuple]:
+    """The snap of R, its modes from V."""
     paper = "the source's simulation"
     return [
         ("V/V0 after the snap", settled(trace, "V") / jshell.shell.SPHERE_VOLUME, 0.691, "an independent code"),
-        ("ω− heard on V", heard.omega_minus, SOURCE_ROWS["simulation"]["omega_minus"], paper),
-        ("ω+ heard on V", heard.omega_plus, SOURCE_ROWS["simulation"]["omega_plus"], paper),
-        ("τ heard on V", heard.tau, 8.0, "an independent code (6 to 8.6 with the window)"),
-        ("A+/A− on V", heard.amplitude_ratio["V"], 0.52, paper),
-        ("A+/A− on H", heard.amplitude_ratio["H"], 0.21, paper),
-        ("A+/A− on W", heard.amplitude_ratio["W"], 0.22, paper),
+        ("ω− from V", found.omega_minus, SOURCE_ROWS["simulation"]["omega_minus"], paper),
+        ("ω+ from V", found.omega_plus, SOURCE_ROWS["simulation"]["omega_plus"], paper),
+        ("τ from V", found.tau, 8.0, "an independent code (6 to 8.6 with the window)"),
+        ("A+/A− on V", found.amplitude_ratio["V"], 0.52, paper),
+        ("A+/A− on H", found.amplitude_ratio["H"], 0.21, paper),
+        ("A+/A− on W", found.amplitude_ratio["W"], 0.22, paper),
     ]
 
 

@@ -14,8 +14,8 @@ from jshell.cli.problem import named
 @with_masses
 def design(
     constants: "jshell.oscillator.Coefficients",
-    omega_minus: Annotated[float, typer.Option("--omega-minus", help="Wanted slow pulsation.")],
-    omega_plus: Annotated[float, typer.Option("--omega-plus", help="Wanted fast pulsation.")],
+    omega_minus: Annotated[float, typer.Option("--omega-minus", help="Wanted slow angular frequency.")],
+    omega_plus: Annotated[float, typer.Option("--omega-plus", help="Wanted fast angular frequency.")],
     excess: Annotated[float, typer.Option(help="Outer pressure over the buckling load.")] = 1.0,
     kappa: Annotated[float, typer.Option(help="Polytropic exponent of the gas.")] = 1.4,
     nu: Annotated[float, typer.Option(help="Poisson ratio.")] = 0.5,

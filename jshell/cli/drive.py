@@ -33,7 +33,10 @@ def drive(
     amplitude: Annotated[
         float, typer.Option(help="Added pressure / (E d/R0); of a pulse or burst its peak negative pressure.")
     ] = 0.02,
-    pulsation: Annotated[float | None, typer.Option(help="Of a tone, pulse or burst; default the slow mode's.")] = None,
+    angular_frequency: Annotated[
+        float | None,
+        typer.Option("--pulsation", help="Angular frequency of a tone, pulse or burst; default the slow mode's."),
+    ] = None,
     cycles: Annotated[int, typer.Option(help="Of a pulse or burst.")] = 5,
     kpa: Annotated[float | None, typer.Option("--kpa", help="Amplitude in kPa (needs SI conditions).")] = None,
     mhz: Annotated[float | None, typer.Option("--mhz", help="Frequency in MHz (needs SI conditions).")] = None,
@@ -55,14 +58,14 @@ def drive(
     traceable(out)
     drawable(plot)
     constants, law, found_decay = decays.decay(problem, damped, tau, drag, layer > 0)
-    omega = _pulsation(problem, constants, pulsation, mhz)
+    omega = _angular_frequency(problem, constants, angular_frequency, mhz)
     size = amplitude if kpa is None else _si(problem, "--kpa") and 1e3 * kpa / problem.scales.pressure  # pyright: ignore
     pressure = _forcing(forcing, size, omega, cycles, rise)
     short = jshell.oscillator
     memory = short.StokesLayer(jshell.memory.half_derivative(), layer) if layer > 0 else None
     losses = short.Drag(law, tau, short.Reynolds(), memory, wall_viscosity, sound_speed)
     times = np.arange(0.0, duration + every / 2, every)
-    log(f"driving {duration:g} time units at pulsation {omega:g}")
+    log(f"driving {duration:g} time units at angular frequency {omega:g}")
     found = short.drive(problem.conditions, constants, pressure, times=times, drag=losses)
     _tell(problem, found, found_decay, omega, out, plot, as_json)
 
@@ -120,10 +123,10 @@ def _si(problem: Problem, option: str) -> bool:
     return True
 
 
-def _pulsation(
+def _angular_frequency(
     problem: Problem, constants: "jshell.oscillator.Coefficients", given: float | None, mhz: float | None
 ) -> float:
-    """The drive's pulsation: as given, from a frequency, or that of the slow mode."""
+    """The drive's angular frequency: as given, from a frequency, or that of the slow mode."""
     if mhz is not None:
         _si(problem, "--mhz")
         return 2e6 * np.pi * mhz * problem.scales.time  # pyright: ignore[reportOptionalMemberAccess]

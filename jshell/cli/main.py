@@ -23,7 +23,7 @@ VERBS = {
         "Small vibrations about the rest shape: frequencies, decay times, changes of volume and area.",
     ),
     "simulate": ("traces", "Buckle a shell in time and write the trace."),
-    "analyse": ("traces", "Listen to a trace: two frequencies, a decay time, amplitude ratios, a verdict."),
+    "analyse": ("traces", "Analyse a trace: two frequencies, a decay time, amplitude ratios, a verdict."),
     "fit": ("fits", "Fit the short model's constants."),
     "show": ("fits", "Show a saved fit: its report and its picture, without fitting again."),
     "frequencies": (
@@ -41,7 +41,7 @@ VERBS = {
     "bifurcation": ("bifurcation", "Bifurcation diagram: the volume once a period over the amplitude of a tone."),
     "softening": (
         "softening",
-        "Pulsations just before over just after buckling, with the simulator's own modes beside them where stored.",
+        "Angular frequencies before over after buckling, with the simulator's own modes beside them where stored.",
     ),
     "sensitivity": (
         "sensitivity",

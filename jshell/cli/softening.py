@@ -31,7 +31,7 @@ def softening(
     plot: Picture = None,
     as_json: Json = False,
 ) -> None:
-    """Pulsations just before over just after buckling, with the simulator's own modes beside them where stored."""
+    """Angular frequencies before over after buckling, with the simulator's own modes beside them where stored."""
     drawable(plot)
     if not (d_hat > 0 and p0_hat > 0 and points > 1):
         raise BadValue(

@@ -1,4 +1,4 @@
-"""`jshell simulate` and `jshell analyse`: make a trace, listen to a trace."""
+"""`jshell simulate` and `jshell analyse`: make a trace, analyse a trace."""
 
 import dataclasses
 from collections.abc import Callable, Iterator
@@ -185,19 +185,19 @@ def settled(trace: "jshell.Trace", channel: str) -> float:
 @speaking
 def analyse(
     file: Annotated[Path, typer.Argument(help="Trace: .csv, .tsv, .json, .nc, .mat, .npz.")],
-    channel: Annotated[str | None, typer.Option(help="Channel to listen to; V, else all of H, W, S.")] = None,
+    channel: Annotated[str | None, typer.Option(help="Channel to analyse; V, else all of H, W, S.")] = None,
     start: Annotated[float | None, typer.Option("--from", help="Window's start, dimensionless time.")] = None,
     stop: Annotated[float | None, typer.Option("--to", help="Window's end, dimensionless time.")] = None,
     meta: Annotated[Path | None, typer.Option(help="Conditions (JSON) for a file without them.")] = None,
     as_json: Json = False,
 ) -> None:
-    """Listen to a trace: two frequencies, a decay time, amplitude ratios, a verdict."""
+    """Analyse a trace: two frequencies, a decay time, amplitude ratios, a verdict."""
     trace = jshell.io.read_trace(file, meta=meta)
     found = jshell.signals.extract(trace, channel, start=start, stop=stop)
     if as_json:
         say({"file": str(file), **found.record()})
     else:
-        typer.echo(heard_table(found))
+        typer.echo(signature_table(found))
         if found.reason:
             log(found.reason)
     if found.verdict == "more than two":
@@ -207,7 +207,7 @@ def analyse(
     finish(found.outcome, sound=found.verdict != "more than two")
 
 
-def heard_table(found: "jshell.signals.Signature") -> str:
+def signature_table(found: "jshell.signals.Signature") -> str:
     """A signature as text."""
     error = found.stderr
     rows: list[tuple] = [
@@ -217,7 +217,7 @@ def heard_table(found: "jshell.signals.Signature") -> str:
     ]
     rows += [(f"A+/A− on {name}", ratio, None, None) for name, ratio in found.amplitude_ratio.items()]
     rows += [("residual / signal", found.residual, None, None), ("modes needed", found.verdict, None, None)]
-    header = ("heard on " + ", ".join(found.channels), "value", "± (white noise)", "Hz")
+    header = ("from " + ", ".join(found.channels), "value", "± (white noise)", "Hz")
     if found.frequency_unit is None:
         return table([row[:3] for row in rows], header[:3])
     return table(rows, header)

@@ -23,6 +23,7 @@ from jaxtyping import Array, Float
 
 from jshell import integrator
 from jshell.errors import BadShape, BadValue, Outcome
+from jshell.renamed import renamed_attribute
 from jshell.shell.breathing import radial_acceleration
 from jshell.shell.parameters import check
 
@@ -101,8 +102,8 @@ class Marmottant:
         return jnp.where(elastic <= 0, 0.0, jnp.where(elastic >= limit, self.water_tension, elastic))
 
     @property
-    def linear_pulsations(self) -> tuple[float, float]:
-        """Undamped pulsations of the elastic and of the buckled bubble [1/s]: the film's law, and the gas alone.
+    def linear_angular_frequencies(self) -> tuple[float, float]:
+        """Undamped angular frequencies of the elastic and of the buckled bubble [1/s]: film's law, and gas alone.
 
         Source:
             ω² = (3κ p_g - 2σ0/R0 + 4χ/R0 (1 + σ0/χ))/(ρ R0²), p_g = p0 + 2σ0/R0, from the linear part of eq. 3;
@@ -114,6 +115,8 @@ class Marmottant:
         scale = self.density * R**2
         elastic = np.sqrt(film / scale)
         return float(elastic), float(np.sqrt(3 * self.kappa * self.pressure / scale))
+
+    linear_pulsations = renamed_attribute("linear_pulsations", "linear_angular_frequencies")
 
 
 class RadialRun(eqx.Module):

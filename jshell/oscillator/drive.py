@@ -220,8 +220,8 @@ def drive(
         >>> from jshell import Reduced
         >>> from jshell.oscillator import SOURCE, Tone, drive
         >>> shell = Reduced(0.08, 0.9, 1.2, 0.004)
-        >>> heard = drive(shell, SOURCE, Tone(0.01, 0.8), times=np.linspace(0.0, 50.0, 101))
-        >>> print(int(heard.outcome), f"{float(np.max(heard.motion.V - heard.driven.state.volume)):.2f}")
+        >>> answer = drive(shell, SOURCE, Tone(0.01, 0.8), times=np.linspace(0.0, 50.0, 101))
+        >>> print(int(answer.outcome), f"{float(np.max(answer.motion.V - answer.driven.state.volume)):.2f}")
         0 0.13
     """
     if solver not in ORDERS:

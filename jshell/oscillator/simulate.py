@@ -41,14 +41,14 @@ class Frequencies(eqx.Module):
     """What the short model says of a shell at a load.
 
     Attributes:
-        omega_minus: Slow pulsation [sqrt(E d/(ρ_f R0³))]; NaN where the slow mode is unstable.
-        omega_plus: Fast pulsation.
+        omega_minus: Slow angular frequency [sqrt(E d/(ρ_f R0³))]; NaN where the slow mode is unstable.
+        omega_plus: Fast angular frequency.
         volume: Volume at rest [R0³].
         pressure: Inner pressure at rest [E d/R0].
         stability_margin: 1 at the limit of eq:limstab, above it the slow mode is stable.
         stable: Whether the slow mode oscillates.
-        omega_sphere: Pulsation of the sphere under the same load, had it not buckled (eq:wsphere).
-        omega_marmottant: Pulsation of a bubble at the outer pressure.
+        omega_sphere: Angular frequency of the sphere under the same load, had it not buckled (eq:wsphere).
+        omega_marmottant: Angular frequency of a bubble at the outer pressure.
         outcome: An integer of `Outcome`: no_buckled_state; out_of_range where the slow mode is unstable.
     """
 

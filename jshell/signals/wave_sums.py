@@ -5,7 +5,7 @@ enters through Σ y z^t and Σ t y z^t alone. The waves' own products have close
 geometric sums, so that records of any length share a program: what is padded
 is zero in the data, and the closed sums know the length.
 
-Symbols    σ decay rate   Ω damped pulsation   Δ sampling step   z_-, z_+ slow, fast
+Symbols    σ decay rate   Ω damped angular frequency   Δ sampling step   z_-, z_+ slow, fast
            b = (Re z-^t, Im z-^t, Re z+^t, Im z+^t, then t times these) basis   G = Σ b bᵀ, centred, Gram matrix
 """
 

@@ -143,7 +143,7 @@ def test_a_pressure_in_si_is_read_by_the_conditions_of_the_command_line(tmp_path
         (("--gif", "x.png"), "--gif"),
         (("--gif", "/no/such/folder/x.gif"), "--gif"),
         (("--checkpoint", "/no/such/folder/x.npz"), "--checkpoint"),
-        (("--tone", "0.1", "-2"), "pulsation"),
+        (("--tone", "0.1", "-2"), "angular_frequency"),
     ],
 )
 def test_an_option_without_meaning_is_refused_before_the_work(words, place, monkeypatch, tmp_path):

@@ -2,12 +2,15 @@
 
 import importlib
 
+import jax.numpy as jnp
+import numpy as np
 import pytest
 
-from jshell import flow, oscillator, pressure
+from jshell import comparators, flow, oscillator, plot, pressure
 
 RENAMED = {
     "jshell.dynamics": {"Sampled": pressure.Recorded},
+    "jshell.plot": {"heard": plot.identified_modes},
     "jshell.flow": {"turning": flow.gyroscopic},
     "jshell.oscillator": {
         "Passage": oscillator.Trajectory,
@@ -33,3 +36,23 @@ def test_a_forced_protocol_is_a_sum():
     with pytest.warns(DeprecationWarning, match="forced"):
         made = importlib.import_module("jshell.dynamics").Forced(pressure.Hold(1.0), pressure.Step(0.5))
     assert made == pressure.Sum((pressure.Hold(1.0), pressure.Step(0.5)))
+
+
+@pytest.mark.parametrize("kind", [pressure.Tone, pressure.Pulse])
+def test_a_pulsation_is_an_angular_frequency(kind):
+    with pytest.warns(DeprecationWarning, match="pulsation of .* is now angular_frequency"):
+        made = kind(0.1, pulsation=2.0)
+    assert made == kind(0.1, 2.0)
+    with pytest.warns(DeprecationWarning, match=r"pulsation is now \w+\.angular_frequency"):
+        assert made.pulsation == 2.0
+    bubble = comparators.Marmottant(2e-6, 0.5)
+    with pytest.warns(DeprecationWarning, match="linear_angular_frequencies"):
+        assert bubble.linear_pulsations == bubble.linear_angular_frequencies
+
+
+def test_former_keywords_of_functions_answer():
+    times = jnp.linspace(0.0, 60.0, 601)
+    wanted = oscillator.harmonics(times, jnp.sin(times), 1.0)
+    with pytest.warns(DeprecationWarning, match="harmonics is now angular_frequency"):
+        found = oscillator.harmonics(times, jnp.sin(times), pulsation=1.0)
+    np.testing.assert_array_equal(found, wanted)
