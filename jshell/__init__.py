@@ -1,34 +1,46 @@
-"""Buckling spherical shells in a liquid: simulate, listen, fit."""
+"""Buckling spherical shells in a liquid: simulate, listen, fit.
 
+Rooms and names are loaded when they are first used, so that a terminal's help
+and a script that reads one file need not wait for JAX.
+"""
+
+import importlib
 from typing import TYPE_CHECKING, Any
 
-from jshell import threads
+from jshell import precision, programs, threads
+from jshell.errors import JshellError, NotOk, Outcome, RangeWarning
 
 threads.ask_for_one()
-
-from jshell import precision  # noqa: E402
-
 precision.ask_for_double()
+programs.keep()
 
-from jshell import (  # noqa: E402
-    calibration,
-    campaigns,
-    comparators,
-    dynamics,
-    engines,
-    io,
-    membrane,
-    oscillator,
-    quantities,
-    sensitivity,
-    shell,
-    signals,
-)
-from jshell.calibration import FitResult, load  # noqa: E402
-from jshell.errors import JshellError, NotOk, Outcome, RangeWarning  # noqa: E402
-from jshell.oscillator import Coefficients  # noqa: E402
-from jshell.shell import Gas, Liquid, Load, Reduced, Scales, Shell, presets  # noqa: E402
-from jshell.trace import Trace  # noqa: E402
+if TYPE_CHECKING:
+    from jshell import (
+        calibration,
+        campaigns,
+        comparators,
+        dynamics,
+        engines,
+        io,
+        membrane,
+        oscillator,
+        quantities,
+        sensitivity,
+        shell,
+        signals,
+    )
+    from jshell import contour as contour  # rooms that `from jshell import *` leaves alone
+    from jshell import flow as flow
+    from jshell import memory as memory
+    from jshell import plot as plot
+    from jshell.calibration import FitResult, load
+    from jshell.calibration import fit_trajectories as fit
+    from jshell.dynamics import modes, simulate
+    from jshell.oscillator import Coefficients
+    from jshell.service.client import Client
+    from jshell.shell import Gas, Liquid, Load, Reduced, Scales, Shell, presets
+    from jshell.signals import extract
+    from jshell.trace import Trace
 
 if TYPE_CHECKING:
     from jshell.service.client import Client
@@ -36,15 +48,34 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 __all__ = [
     "Client", "Coefficients", "FitResult", "Gas", "JshellError", "Liquid", "Load", "NotOk", "Outcome", "RangeWarning",
-    "Reduced", "Scales", "Shell", "Trace", "calibration", "campaigns", "comparators", "dynamics", "engines", "io",
-    "load", "membrane", "oscillator", "presets", "quantities", "sensitivity", "shell", "signals",
+    "Reduced", "Scales", "Shell", "Trace", "calibration", "campaigns", "comparators", "dynamics", "engines", "extract",
+    "fit", "io", "load", "membrane", "modes", "oscillator", "presets", "quantities", "sensitivity", "shell", "signals",
+    "simulate",
 ]  # fmt: skip
+
+_ROOMS = (
+    "calibration", "campaigns", "comparators", "contour", "dynamics", "engines", "flow", "io", "membrane", "memory",
+    "oscillator", "plot", "quantities", "sensitivity", "shell", "signals",
+)  # fmt: skip
+_FROM = {
+    "Client": "service.client", "Coefficients": "oscillator", "FitResult": "calibration", "Gas": "shell",
+    "Liquid": "shell", "Load": "shell", "Reduced": "shell", "Scales": "shell", "Shell": "shell", "Trace": "trace",
+    "extract": "signals", "fit": "calibration", "load": "calibration", "modes": "dynamics", "presets": "shell",
+    "simulate": "dynamics",
+}  # fmt: skip
+_CALLED = {"fit": "fit_trajectories"}  # where a room has another name for it
 
 
 def __getattr__(name: str) -> Any:
-    """The client, once somebody asks for it: who fits on this machine needs nothing of the service."""
-    if name == "Client":
-        from jshell.service.client import Client
+    """A room, or a name out of a room, loaded now."""
+    if name in _ROOMS:
+        return importlib.import_module(f"jshell.{name}")
+    if name in _FROM:
+        found = getattr(importlib.import_module(f"jshell.{_FROM[name]}"), _CALLED.get(name, name))
+        globals()[name] = found
+        return found
+    raise AttributeError(f"module 'jshell' has no attribute {name!r}")
 
-        return Client
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__, *_ROOMS})

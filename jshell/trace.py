@@ -1,6 +1,6 @@
 """What a measurement is: times, named channels, and the conditions they were taken under.
 
-The simulator and the oscillator return one, the listener and the fits take
+The simulator and the oscillator return one, the extraction of modes and the fits take
 one, files hold one. Inside, all numbers are dimensionless; `scales` says what
 the units were when the trace came from a laboratory.
 """
@@ -11,6 +11,7 @@ import equinox as eqx
 import jax
 import numpy as np
 
+from jshell.display import TIME, ended, number, readable, shown
 from jshell.errors import BadName, BadShape, Outcome, choose, require_extra
 from jshell.quantities import QUANTITIES
 from jshell.shell.parameters import Reduced, Scales
@@ -53,6 +54,22 @@ class Trace(eqx.Module):
                     expected=f"shape {shape}, one value per time",
                     remedy="Cut or resample the channel.",
                 )
+
+    @readable
+    def __repr__(self) -> str:
+        shape = tuple(getattr(self.times, "shape", ()))
+        size = f"{shape[0]} samples" if len(shape) == 1 else f"times of shape {shape}"
+        unit = "s" if self.scales is not None and self.conditions is None else TIME
+        span = f"t {number(self.times[0])} … {number(self.times[-1])} [{unit}]" if len(shape) == 1 and shape[0] else ""
+        return shown(
+            self,
+            size,
+            span,
+            "channels " + " ".join(self.channels),
+            "sigma of " + " ".join(self.sigma) if self.sigma else "",
+            "" if self.conditions is None else f"conditions {self.conditions!r}",
+            ended(self.outcome),
+        )
 
     def __getitem__(self, name: str) -> Values:
         return self.channels[choose("channel", name, self.channels, remedy="Choose a channel that the trace has.")]

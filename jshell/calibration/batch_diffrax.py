@@ -10,7 +10,8 @@ Valid for  even sampling, equal decay
 Source     Mokbel et al. 2021: eq:eqmovadimV, eq:eqmovadimS
 """
 
-import diffrax
+import importlib
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -46,6 +47,7 @@ def motion(unknowns: Float[Array, "unknowns block"], data: Block, substeps: int)
         return step * jnp.concatenate([y[2:], -pull - 2 * rate * y[2:]])
 
     times = data.values.shape[1]
+    diffrax = importlib.import_module("diffrax")  # takes long to load, and most fits need none
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(field),
         diffrax.Dopri8(),

@@ -44,15 +44,15 @@ class Findings:
         modes_dV, modes_dS: Change of V and S along each, as in `jshell.dynamics.Modes`.
         undamped_omega: Of the four slowest modes without viscosity.
         undamped_dV: Change of V along each.
-        omega_minus, omega_plus, tau: Two damped sinusoids of one decay, heard on V, S, H, W together.
+        omega_minus, omega_plus, tau: Two damped sinusoids of one decay, extracted from V, S, H, W together.
         omega_minus_stderr, omega_plus_stderr, tau_stderr: Their standard errors.
         residual: What they leave, over the signal's standard deviation.
         ratio_V, ratio_S, ratio_H, ratio_W: A+/A-, at the window's start.
-        V_omega_minus, V_omega_plus, V_tau, V_residual: The same heard on V alone, as in the source.
+        V_omega_minus, V_omega_plus, V_tau, V_residual: The same extracted from V alone, as in the source.
         three_omega, three_tau, three_residual: Three damped sinusoids on V, S, H, W together.
         one_omega, one_tau: One damped sinusoid on V.
         V_settled, S_settled: Where V and S end.
-        t_dip, window_start, window_end: Time of the dip, and the window listened to.
+        t_dip, window_start, window_end: Time of the dip, and the window used.
         turnings: How often V turns after the dip by more than a thousandth of V0.
         v_pole, v_pole_ring: Highest speed of the buckling pole, and in the window.
         omega_sphere: eq:wsphere at the compressed sphere.

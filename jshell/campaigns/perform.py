@@ -123,12 +123,12 @@ def _buckled(run: Run) -> tuple[Findings, Trace | None]:
     if run.kind == "snap":
         trace = simulate(run.conditions, ramp=run.ramp, weak_spot=spot, **mesh, **common)
         if "buckled_at" in dict(trace.settings) or int(trace.outcome) != Outcome.OK:
-            return _listened(findings, trace, None, None)
+            return _with_modes(findings, trace, None, None)
         undimpled = replace(findings, reason="no dimple formed at the buckling pole: raise the outer pressure")
-        return _listened(undimpled, trace, Outcome.NO_BUCKLED_STATE, None)
+        return _with_modes(undimpled, trace, Outcome.NO_BUCKLED_STATE, None)
     start = kick(found, jnp.asarray(run.amplitude), KICKED)
     trace = simulate(conditions, start=found.rest, velocity=start, **common)
-    return _listened(findings, trace, None, 0.0)
+    return _with_modes(findings, trace, None, 0.0)
 
 
 def _sphere(run: Run) -> tuple[Findings, Trace]:
@@ -153,7 +153,7 @@ def _sphere(run: Run) -> tuple[Findings, Trace]:
         times = run.every * np.arange(round(run.duration / run.every) + 1)
         released = (float(1 - np.cbrt(np.asarray(state.volume) / SPHERE_VOLUME)), 0.0)
         findings = findings.with_radial(sphere_run(conditions, _steady, times=times, initial=released).trace())
-    return _listened(findings, trace, None, 0.0)
+    return _with_modes(findings, trace, None, 0.0)
 
 
 def _steady(t: jax.Array) -> jax.Array:
@@ -161,7 +161,9 @@ def _steady(t: jax.Array) -> jax.Array:
     return jnp.zeros_like(t)
 
 
-def _listened(findings: Findings, trace: Trace, instead: Outcome | None, start: float | None) -> tuple[Findings, Trace]:
+def _with_modes(
+    findings: Findings, trace: Trace, instead: Outcome | None, start: float | None
+) -> tuple[Findings, Trace]:
     """The findings of a record, and the record as it is kept."""
     ended = Outcome(int(trace.outcome)) if instead is None else instead
     kept: dict[str, Values] = {name: np.asarray(trace[name], dtype=np.float32) for name in CHANNELS}

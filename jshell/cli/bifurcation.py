@@ -6,15 +6,13 @@ from typing import Annotated
 import numpy as np
 import typer
 
+import jshell
 from jshell.cli import decay as decays
 from jshell.cli.constants import Damped, with_damping
 from jshell.cli.destinations import Picture, drawable
 from jshell.cli.output import Json, finish, log, say, speaking, table
 from jshell.cli.problem import Problem, with_conditions
 from jshell.errors import BadValue, Outcome
-from jshell.oscillator import Drag, frequencies
-from jshell.oscillator import bifurcation as diagram
-from jshell.shell import SPHERE_VOLUME
 
 
 @speaking
@@ -26,7 +24,9 @@ def bifurcation(
     highest: Annotated[float, typer.Option(help="Largest amplitude / (E d/R0).")],
     lowest: Annotated[float, typer.Option(help="Least amplitude / (E d/R0).")] = 0.001,
     lanes: Annotated[int, typer.Option(help="How many amplitudes.")] = 400,
-    pulsation: Annotated[float | None, typer.Option(help="Of the tone; default the slow mode's.")] = None,
+    angular_frequency: Annotated[
+        float | None, typer.Option("--pulsation", help="Angular frequency of the tone; default the slow mode's.")
+    ] = None,
     periods: Annotated[int, typer.Option(help="Of the tone, for each amplitude.")] = 200,
     keep: Annotated[int, typer.Option(help="Periods looked at, at the end.")] = 50,
     tau: decays.Tau = None,
@@ -43,14 +43,16 @@ def bifurcation(
             remedy="Check them.",
         )
     constants, law, decay = decays.decay(problem, damped, tau)
-    if pulsation is None:
-        linear = frequencies(problem.conditions, constants)
+    if angular_frequency is None:
+        linear = jshell.oscillator.frequencies(problem.conditions, constants)
         finish(Outcome(int(linear.outcome)))
-        pulsation = float(linear.omega_minus)
-    drag = Drag(law, tau)
+        angular_frequency = float(linear.omega_minus)
+    drag = jshell.oscillator.Drag(law, tau)
     amplitudes = np.linspace(lowest, highest, lanes)
-    log(f"{lanes} amplitudes, {periods} periods each, pulsation {pulsation:g}")
-    found = diagram(problem.conditions, constants, amplitudes, pulsation, periods=periods, keep=keep, drag=drag)
+    log(f"{lanes} amplitudes, {periods} periods each, angular frequency {angular_frequency:g}")
+    found = jshell.oscillator.bifurcation(
+        problem.conditions, constants, amplitudes, angular_frequency, periods=periods, keep=keep, drag=drag
+    )
     if plot is not None:
         axes = importlib.import_module("jshell.plot.response").bifurcation_diagram(found)
         importlib.import_module("jshell.plot").save(axes.figure, plot)
@@ -62,9 +64,9 @@ def bifurcation(
             "amplitude": amplitudes,
             "outcome": [Outcome(int(o)) for o in found.outcome],
             "period": found.period,
-            "volume_over_V0": np.asarray(found.volume).T / SPHERE_VOLUME,
+            "volume_over_V0": np.asarray(found.volume).T / jshell.shell.SPHERE_VOLUME,
         }
-        say({"pulsation": pulsation, "lanes": rows, "first_ended": first, "decay": decay.record(),
+        say({"pulsation": angular_frequency, "lanes": rows, "first_ended": first, "decay": decay.record(),
              "plot": None if plot is None else str(plot), "conditions": problem.record()})  # fmt: skip
     else:
         words = {0: "does not repeat within 8 periods", 1: "repeats every period"}

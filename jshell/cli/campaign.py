@@ -7,7 +7,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from jshell import campaigns
+import jshell
 from jshell.cli.destinations import writable
 from jshell.cli.output import NOT_OK, Json, Verbs, log, say, speaking, table
 from jshell.errors import BadFile
@@ -29,19 +29,19 @@ def run(
     as_json: Json = False,
 ) -> None:
     """Do the runs of a design that are not finished yet; may be killed and repeated at any time."""
-    source = campaigns.shipped() / "design.toml" if design is None else design
+    source = jshell.campaigns.shipped() / "design.toml" if design is None else design
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
     times = (TimeElapsedColumn(), TimeRemainingColumn())
     with Progress(*columns, *times, console=Console(stderr=True)) as bar:
         task = bar.add_task("campaign")
 
-        def show(now: campaigns.Progress) -> None:
+        def show(now: "jshell.campaigns.Progress") -> None:
             bar.update(task, completed=now.done, total=now.total)
             # a log has no bar: a line for each run there, for the bad ones alone beside a bar
             if now.last is not None and (now.outcome != "ok" or not bar.console.is_terminal):
                 bar.console.print(f"{now.done}/{now.total} {now.outcome}: {named(now.last)}", highlight=False)
 
-        found = campaigns.run(source, out, engine=engine, progress=show)
+        found = jshell.campaigns.run(source, out, engine=engine, progress=show)
     told(found, out, as_json)
     if found.missing:
         raise typer.Exit(NOT_OK)
@@ -51,8 +51,8 @@ def run(
 @speaking
 def status(folder: Folder = None, as_json: Json = False) -> None:
     """What has run, how it ended, and what is missing."""
-    where = campaigns.shipped() if folder is None else folder
-    told(campaigns.catalog(where), where, as_json)
+    where = jshell.campaigns.shipped() if folder is None else folder
+    told(jshell.campaigns.catalog(where), where, as_json)
 
 
 @app.command("export")
@@ -67,7 +67,7 @@ def export(
     writable(target, "TARGET")
     if target.suffix not in TABLES:
         raise BadFile(str(target), found=f"ending {target.suffix!r}", expected=".csv or .nc", remedy="Rename it.")
-    found = campaigns.catalog(folder).where(family=family)
+    found = jshell.campaigns.catalog(folder).where(family=family)
     if target.suffix == ".csv":
         target.write_text(found.to_csv(), encoding="utf-8")
     else:
@@ -88,7 +88,7 @@ def check(
     as_json: Json = False,
 ) -> None:
     """Say whether a campaign run again is the same to the last bit, and if not, what moved and how far."""
-    found = campaigns.compare(campaigns.catalog(against), campaigns.catalog(folder))
+    found = jshell.campaigns.compare(jshell.campaigns.catalog(against), jshell.campaigns.catalog(folder))
     worst = found.worst()
     if as_json:
         moved = [vars(move) for move in worst]
@@ -110,7 +110,7 @@ def check(
         raise typer.Exit(NOT_OK)
 
 
-def told(found: campaigns.Catalog, where: Path, as_json: bool) -> None:
+def told(found: "jshell.campaigns.Catalog", where: Path, as_json: bool) -> None:
     """Print what a catalogue holds."""
     families = list(dict.fromkeys(name for names in found.families for name in names))
     rows = []
@@ -119,7 +119,7 @@ def told(found: campaigns.Catalog, where: Path, as_json: bool) -> None:
         kinds = " ".join(dict.fromkeys(result.run.kind for result in part))
         ended = ", ".join(f"{count} {word}" for word, count in part.outcomes().items())
         rows.append((family, kinds, str(len(part)), ended))
-    bad = campaigns.failures(found)
+    bad = jshell.campaigns.failures(found)
     if as_json:
         say({
             "folder": str(where), "name": found.name, "finished": len(found), "missing": len(found.missing),
@@ -138,7 +138,7 @@ def told(found: campaigns.Catalog, where: Path, as_json: bool) -> None:
         log(f"{found.orphan_files} files there belong to no run of this design.")
 
 
-def named(run: campaigns.Run) -> str:
+def named(run: "jshell.campaigns.Run") -> str:
     """A run in a line."""
     held = f", pad {run.attached:g}" if run.attached else ""
     kept = f", offset {run.offset:g}" if run.offset else ""

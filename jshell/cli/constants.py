@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
+import jshell
 from jshell.cli.problem import with_options
-from jshell.oscillator import SOURCE, Coefficients
 
 Alpha1 = Annotated[float, typer.Option("--alpha1", help="Added-mass factor of the volume.")]
 Alpha2 = Annotated[float, typer.Option("--alpha2", help="Added-mass factor of the area.")]
@@ -19,7 +19,7 @@ Beta1 = Annotated[
         show_default="fitted to the simulator",
     ),
 ]
-ALPHA1, ALPHA2, K_VS, BETA1 = (float(number) for number in (SOURCE.alpha1, SOURCE.alpha2, SOURCE.k_vs, SOURCE.beta1))
+ALPHA1, ALPHA2, K_VS, BETA1 = 3.6, 1.1, 0.23, 3.6 / 0.68  # `oscillator.SOURCE`, which help need not wait for
 
 
 @dataclass(frozen=True)
@@ -31,18 +31,19 @@ class Damped:
         given: Whether the damping was.
     """
 
-    constants: Coefficients
+    constants: "jshell.oscillator.Coefficients"
     given: bool
 
 
-def masses(alpha1: Alpha1 = ALPHA1, alpha2: Alpha2 = ALPHA2, k_vs: KVS = K_VS) -> Coefficients:
+def masses(alpha1: Alpha1 = ALPHA1, alpha2: Alpha2 = ALPHA2, k_vs: KVS = K_VS) -> "jshell.oscillator.Coefficients":
     """The constants that frequencies depend on."""
-    return Coefficients(alpha1, alpha2, k_vs)
+    return jshell.oscillator.Coefficients(alpha1, alpha2, k_vs)
 
 
 def damped(alpha1: Alpha1 = ALPHA1, alpha2: Alpha2 = ALPHA2, k_vs: KVS = K_VS, beta1: Beta1 = None) -> Damped:
     """The constants that a damped run depends on."""
-    return Damped(Coefficients(alpha1, alpha2, k_vs, BETA1 if beta1 is None else beta1), beta1 is not None)
+    constants = jshell.oscillator.Coefficients(alpha1, alpha2, k_vs, BETA1 if beta1 is None else beta1)
+    return Damped(constants, beta1 is not None)
 
 
 with_masses = with_options(masses, "constants")

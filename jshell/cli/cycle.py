@@ -1,20 +1,19 @@
 """`jshell cycle`: a pressure that goes up and down, and a shell that buckles and unbuckles with it."""
 
+import dataclasses
 import importlib
 from typing import Annotated
 
 import numpy as np
 import typer
 
-from jshell import io
+import jshell
 from jshell.cli import decay as decays
 from jshell.cli.constants import Damped, with_damping
 from jshell.cli.destinations import OutFile, Picture, drawable, traceable
 from jshell.cli.output import Json, finish, log, say, speaking, table
 from jshell.cli.problem import Problem, with_conditions
 from jshell.errors import BadValue
-from jshell.oscillator import Drag, Swing, follow
-from jshell.trace import Trace
 
 
 @speaking
@@ -45,16 +44,16 @@ def cycle(
         )
     constants, law, decay = decays.decay(problem, damped, tau)
     rest = float(problem.conditions.outer_pressure)
-    drag = Drag(law, tau)
+    drag = jshell.oscillator.Drag(law, tau)
     times = np.linspace(0.0, cycles * period, cycles * samples + 1)
     log(f"following {cycles} cycles of {period:g} time units")
-    swing = Swing(low - rest, high - rest, period)
-    found = follow(problem.conditions, constants, swing, times=times, drag=drag)
+    pressure = jshell.oscillator.RaisedCosine(low - rest, high - rest, period)
+    found = jshell.oscillator.simulate_regimes(problem.conditions, constants, pressure, times=times, drag=drag)
     if out is not None:
         t = found.trace
         settings = (*t.settings, *decays.written(decay))
-        io.write_trace(out, Trace(t.times, t.channels, t.conditions, outcome=int(found.outcome), settings=settings,
-                                  scales=problem.scales))  # fmt: skip
+        written = dataclasses.replace(t, outcome=int(found.outcome), settings=settings, scales=problem.scales)
+        jshell.io.write_trace(out, written)
     if plot is not None:
         axes = importlib.import_module("jshell.plot.response").hysteresis(found)
         importlib.import_module("jshell.plot").save(axes.figure, plot)

@@ -4,11 +4,10 @@ from typing import Annotated
 
 import typer
 
+import jshell
 from jshell.cli.constants import Damped
 from jshell.cli.problem import Problem
 from jshell.errors import BadValue
-from jshell.oscillator import Coefficients, Decay, decay_by_law, decay_time, ringing
-from jshell.oscillator.coefficients import SOURCE
 
 Tau = Annotated[float | None, typer.Option("--tau", help="Decay time of both modes.")]
 CHOOSE = "--beta1 or --tau choose"
@@ -16,7 +15,7 @@ CHOOSE = "--beta1 or --tau choose"
 
 def decay(
     problem: Problem, damped: Damped, tau: float | None, drag: str | None = None, layer: bool = False
-) -> tuple[Coefficients, str, Decay]:
+) -> "tuple[jshell.oscillator.Coefficients, str, jshell.oscillator.Decay]":
     """Constants, the law of drag, and how fast they let a shell ring down.
 
     Args:
@@ -37,28 +36,29 @@ def decay(
         )
     if chosen in ("viscous", "reynolds") or layer:
         problem.needs_viscosity()
+    short = jshell.oscillator
     conditions, constants = problem.conditions, damped.constants
-    limit = float(decay_time(SOURCE, conditions.viscosity))
-    own = float(decay_time(constants, conditions.viscosity))
+    limit = float(short.decay_time(short.SOURCE, conditions.viscosity))
+    own = float(short.decay_time(constants, conditions.viscosity))
     if chosen == "equal_decay":
         # without a τ the law of drag says itself what it lacks
-        return constants, chosen, Decay(float("nan") if tau is None else tau, "given tau", limit)
+        return constants, chosen, short.Decay(float("nan") if tau is None else tau, "given tau", limit)
     if chosen == "reynolds":
-        return constants, chosen, Decay(float("nan"), "reynolds", limit)
+        return constants, chosen, short.Decay(float("nan"), "reynolds", limit)
     if chosen != "viscous":
-        return constants, chosen, Decay(float("inf"), "none", limit)
+        return constants, chosen, short.Decay(float("inf"), "none", limit)
     if damped.given:
-        return constants, chosen, Decay(own, "given beta1", limit)
+        return constants, chosen, short.Decay(own, "given beta1", limit)
     if layer:
-        return constants, chosen, Decay(own, "source beta1", own)
-    return ringing(conditions, constants), chosen, decay_by_law(conditions)
+        return constants, chosen, short.Decay(own, "source beta1", own)
+    return short.ringing(conditions, constants), chosen, short.decay_by_law(conditions)
 
 
-def line(found: Decay) -> str:
+def line(found: "jshell.oscillator.Decay") -> str:
     """The decay as a line of a table's foot."""
     return f"decay: {found.words}" + (f"; {CHOOSE}" if found.origin in ("law", "source beta1") else "")
 
 
-def written(found: Decay) -> tuple[tuple[str, str], ...]:
+def written(found: "jshell.oscillator.Decay") -> tuple[tuple[str, str], ...]:
     """The decay as settings of a trace."""
     return ("decay", found.origin), ("tau", f"{found.tau:.6g}")

@@ -1,24 +1,20 @@
 """`jshell demo`: the main job from end to end, beside the published values."""
 
+import importlib
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import typer
 
-from jshell import calibration, dynamics, io, membrane, signals
+import jshell
 from jshell.cli.fits import fit_record
 from jshell.cli.output import Json, finish, log, say, speaking, table
-from jshell.cli.traces import heard_table, settled
-from jshell.errors import BadFile, Outcome
-from jshell.shell import SPHERE_VOLUME, Reduced, presets
-from jshell.shell.rest import plateau_pressure
-from jshell.trace import Trace
+from jshell.cli.traces import settled, signature_table
+from jshell.errors import BadFile, MissingExtra, Outcome
 
 # Shells whose computed modes are fitted by eq:defw: (d̂, P̂0), loaded so that the plateau law gives V/V0 = 0.75.
 SHELLS = (
@@ -57,25 +53,26 @@ def demo(
         raise BadFile("--out", found=f"the file {out}", expected="a folder", remedy="Choose another name.")
     out.mkdir(parents=True, exist_ok=True)
     began = time.perf_counter()
-    conditions = presets.R.conditions
+    conditions = jshell.presets.R.conditions
 
     with step("rest shape and modes of R"):
-        rest = membrane.rest(conditions, elements=elements, throw=True)
-        undamped = dynamics.modes(conditions, elements=elements, liquid="ideal", throw=True)
-        damped = dynamics.modes(conditions, elements=elements, throw=True)
-        attached = dynamics.modes(conditions, elements=elements, attached=0.3272, throw=True)
+        rest = jshell.membrane.rest(conditions, elements=elements, throw=True)
+        undamped = jshell.dynamics.modes(conditions, elements=elements, liquid="ideal", throw=True)
+        damped = jshell.dynamics.modes(conditions, elements=elements, throw=True)
+        attached = jshell.dynamics.modes(conditions, elements=elements, attached=0.3272, throw=True)
     show(rest_rows(rest, undamped, damped, attached), as_json)
 
     with step("the snap: ramp to 1.62, then hold"):
-        trace = dynamics.simulate(conditions.replace(outer_pressure=SNAP_LOAD), elements=elements, throw=True)
-        io.write_trace(out / "snap.csv", trace)
-        heard = signals.extract(trace, throw=True)
-    show(snap_rows(trace, heard), as_json)
+        snap = conditions.replace(outer_pressure=SNAP_LOAD)
+        trace = jshell.dynamics.simulate(snap, elements=elements, throw=True)
+        jshell.io.write_trace(out / "snap.csv", trace)
+        ringing = jshell.signals.extract(trace, throw=True)
+    show(snap_rows(trace, ringing), as_json)
 
     with step(f"eq:defw fitted to the modes of {len(SHELLS)} shells"):
         rows = frequency_table(elements)
         write_table(out / "frequencies.csv", rows)
-        joint = calibration.fit_frequencies(rows)
+        joint = jshell.calibration.fit_frequencies(rows)
     show(joint_rows(joint), as_json)
     note(
         f"  selection: {len(SHELLS)} free shells, d̂ 0.10–0.22, P̂0 0.4–1.5, modes 1 and 2 (|s|, layer to second order), "
@@ -85,9 +82,9 @@ def demo(
     )
 
     with step("the camera recording of an attached shell"):
-        recording = io.read_trace(io.example(RECORDING))
-        listened = signals.extract(recording, throw=True)
-    note(heard_table(listened), as_json)
+        recording = jshell.io.read_trace(jshell.io.example(RECORDING))
+        recorded = jshell.signals.extract(recording, throw=True)
+    note(signature_table(recorded), as_json)
 
     with step("the short model fitted to the snap and to the recording"):
         fits = trace_fits(trace, recording)
@@ -95,7 +92,7 @@ def demo(
         note(f"\n{name}\n{found.report()}", as_json)
 
     with step("figure"):
-        figure = picture(out / "demo.png", rest, damped, trace, heard, rows, joint, recording, listened)
+        figure = picture(out / "demo.png", rest, damped, trace, ringing, rows, joint, recording, recorded)
     log(f"wrote {out / 'snap.csv'}, {out / 'frequencies.csv'}" + (f", {figure}" if figure else ""))
     seconds = time.perf_counter() - began
     if as_json:
@@ -108,9 +105,9 @@ def demo(
                     "tau": damped.tau,
                     "attached": attached.omega,
                 },
-                "snap": heard.record(),
+                "snap": ringing.record(),
                 "joint_fit": fit_record(joint),
-                "recording": listened.record(),
+                "recording": recorded.record(),
                 "fits": {name: fit_record(found) for name, found in fits.items()},
                 "figure": None if figure is None else str(figure),
                 "seconds": seconds,
@@ -171,21 +168,21 @@ def rest_rows(rest, undamped, damped, attached) -> list[tuple]:
     return rows
 
 
-def snap_rows(trace: Trace, heard: signals.Signature) -> list[tuple]:
-    """The snap of R, heard on V."""
+def snap_rows(trace: "jshell.Trace", found: "jshell.signals.Signature") -> list[tuple]:
+    """The snap of R, its modes from V."""
     paper = "the source's simulation"
     return [
-        ("V/V0 after the snap", settled(trace, "V") / SPHERE_VOLUME, 0.691, "an independent code"),
-        ("ω− heard on V", heard.omega_minus, SOURCE_ROWS["simulation"]["omega_minus"], paper),
-        ("ω+ heard on V", heard.omega_plus, SOURCE_ROWS["simulation"]["omega_plus"], paper),
-        ("τ heard on V", heard.tau, 8.0, "an independent code (6 to 8.6 with the window)"),
-        ("A+/A− on V", heard.amplitude_ratio["V"], 0.52, paper),
-        ("A+/A− on H", heard.amplitude_ratio["H"], 0.21, paper),
-        ("A+/A− on W", heard.amplitude_ratio["W"], 0.22, paper),
+        ("V/V0 after the snap", settled(trace, "V") / jshell.shell.SPHERE_VOLUME, 0.691, "an independent code"),
+        ("ω− from V", found.omega_minus, SOURCE_ROWS["simulation"]["omega_minus"], paper),
+        ("ω+ from V", found.omega_plus, SOURCE_ROWS["simulation"]["omega_plus"], paper),
+        ("τ from V", found.tau, 8.0, "an independent code (6 to 8.6 with the window)"),
+        ("A+/A− on V", found.amplitude_ratio["V"], 0.52, paper),
+        ("A+/A− on H", found.amplitude_ratio["H"], 0.21, paper),
+        ("A+/A− on W", found.amplitude_ratio["W"], 0.22, paper),
     ]
 
 
-def joint_rows(joint: calibration.FitResult) -> list[tuple]:
+def joint_rows(joint: "jshell.FitResult") -> list[tuple]:
     """Constants of eq:defw from our modes, beside the source's joint fit."""
     rows = []
     for name, key in (("alpha1", "alpha1"), ("alpha2", "alpha2"), ("k_vs", "kVS")):
@@ -197,13 +194,16 @@ def joint_rows(joint: calibration.FitResult) -> list[tuple]:
 
 def frequency_table(elements: int) -> dict[str, np.ndarray]:
     """Modes of `SHELLS`, one row each, the liquid to second order; a shell without a buckled state stops it."""
-    kappa = presets.R.conditions.kappa
-    d, P0 = (jnp.asarray(column) for column in zip(*SHELLS, strict=True))
-    load = P0 * VOLUME_RATIO ** (-kappa) + plateau_pressure(d)
-    viscosity = presets.R.conditions.viscosity
+    jax = importlib.import_module("jax")  # help need not wait for it
+    kappa = jshell.presets.R.conditions.kappa
+    d, P0 = (jax.numpy.asarray(column) for column in zip(*SHELLS, strict=True))
+    load = P0 * VOLUME_RATIO ** (-kappa) + jshell.shell.plateau_pressure(d)
+    viscosity = jshell.presets.R.conditions.viscosity
 
     def one(d, P0, load):
-        return dynamics.modes(Reduced(d, P0, load, viscosity), elements=elements, count=2, liquid="second")
+        return jshell.dynamics.modes(
+            jshell.Reduced(d, P0, load, viscosity), elements=elements, count=2, liquid="second"
+        )
 
     found = jax.vmap(one)(d, P0, load)
     worst = Outcome(int(np.max(np.asarray(found.outcome))))
@@ -221,24 +221,21 @@ def write_table(path: Path, rows: dict[str, np.ndarray]) -> None:
     )
 
 
-def trace_fits(trace: Trace, recording: Trace) -> dict[str, calibration.FitResult]:
+def trace_fits(trace: "jshell.Trace", recording: "jshell.Trace") -> "dict[str, jshell.FitResult]":
     """The short model fitted to the snap, strictly and by modes, and to the recording by modes."""
     return {
-        "the snap, strict (V and S follow the oscillator)": calibration.fit_trajectories(
+        "the snap, strict (V and S follow the oscillator)": jshell.calibration.fit_trajectories(
             trace, "strict", channels=("V", "S"), equilibrium="trace"
         ),
-        "the snap, modal (only ω−, ω+, τ count)": calibration.fit_trajectories(trace, "modal", channels=("V",)),
-        "the recording, modal": calibration.fit_trajectories(recording, "modal"),
+        "the snap, modal (only ω−, ω+, τ count)": jshell.calibration.fit_trajectories(trace, "modal", channels=("V",)),
+        "the recording, modal": jshell.calibration.fit_trajectories(recording, "modal"),
     }
 
 
 def picture(path: Path, *parts) -> Path | None:
     """The overview figure; a word instead where matplotlib is not installed."""
-    from jshell import plot
-    from jshell.errors import MissingExtra
-
     try:
-        plot.save(plot.overview(*parts), path)
+        jshell.plot.save(jshell.plot.overview(*parts), path)
     except MissingExtra as missing:
         log(str(missing))
         return None

@@ -6,9 +6,10 @@ from typing import Annotated
 
 import typer
 
-from jshell import io
+import jshell
 from jshell.errors import BadFile, BadName
-from jshell.plot.style import FORMATS as PICTURES
+
+PICTURES = (".png", ".pdf", ".svg")  # `plot.style.FORMATS`, which help need not wait for
 
 OutFile = Annotated[Path | None, typer.Option("--out", help="Trace to write: CSV, JSON, .npz, NetCDF or .mat.")]
 Picture = Annotated[Path | None, typer.Option("--plot", help="Picture to write: png, pdf or svg.")]
@@ -45,4 +46,4 @@ def traceable(out: Path | None) -> None:
     """Refuse a trace's file that could not be written."""
     writable(out, "--out")
     if out is not None:
-        io.check_suffix(out, "--out")
+        jshell.io.check_suffix(out, "--out")

@@ -1,5 +1,6 @@
 """`jshell doctor`: is this installation sound, and what could it do better?"""
 
+import importlib
 import os
 import platform
 import re
@@ -11,21 +12,23 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import typer
 
-from jshell import __version__, io, oscillator
+import jshell
+from jshell import __version__, programs
 from jshell.cli.output import Json, finish, log, say, speaking, table
 from jshell.errors import JshellError, Outcome, RangeWarning
-from jshell.shell import presets
 
 STANDS_ON = ("jax", "jaxlib", "numpy", "scipy", "equinox", "diffrax", "optimistix", "lineax", "jaxtyping", "typer")
 COLLECTIONS = ("all", "dev")  # extras that only name other extras
 ROWS, WIDTHS = 20_000, (3, 5, 6, 7)  # where a compiler was seen to return wrong numbers (jax issue 39103)
 ROUNDING = 1e-9  # of a sum of 20 000 terms of size one: 1e-12 in float64, errors of the wrong compiler are above 1
 SLOW_MODE = 0.988525  # ω− of the configuration R with the source's constants, by two independent codes
+_CACHE_REMEDY = (
+    f"unset {programs.SWITCH} (off keeps nothing), or set {programs.FOLDER} to a folder: "
+    "first calls then take a third of the time."
+)
 NAME = re.compile(r"^([A-Za-z0-9._-]+).*?extra == ['\"]([A-Za-z0-9._-]+)['\"]", re.S)
 
 
@@ -92,6 +95,11 @@ def _print(versions: dict[str, str], findings: list[Finding], extras: dict[str, 
     typer.echo("\n" + table(shown, ("extra", "pip install 'jshell[extra]'")))
 
 
+def _jax() -> Any:
+    """JAX, loaded when it is looked at: help need not wait for it."""
+    return importlib.import_module("jax")
+
+
 def _version(name: str) -> str | None:
     try:
         return metadata.version(name)
@@ -107,7 +115,7 @@ def _cores() -> int:
 def _devices() -> Finding:
     """What JAX computes on."""
     try:
-        found = jax.devices()
+        found = _jax().devices()
     except (RuntimeError, AssertionError) as error:  # a platform was asked for that is not there
         asked = os.environ.get("JAX_PLATFORMS", "")
         return Finding(
@@ -121,7 +129,7 @@ def _devices() -> Finding:
 
 def _precision() -> Finding:
     """Whether numbers are float64."""
-    kind = jnp.zeros(1).dtype.name
+    kind = _jax().numpy.zeros(1).dtype.name
     if kind == "float64":
         return Finding("precision", kind)
     return Finding(
@@ -135,6 +143,8 @@ def _precision() -> Finding:
 
 def _compiler() -> Finding:
     """Whether compiled products equal NumPy's; jax 0.10.2 on CPU returns wrong ones, silently."""
+    jax = _jax()
+    jnp = jax.numpy
     apart = []
     for width in WIDTHS:
         random = np.random.default_rng(width)
@@ -154,7 +164,7 @@ def _number() -> Finding:
     """One number of the physics that is known."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RangeWarning)  # the known number was made with the law outside its range, too
-        found = float(oscillator.frequencies(presets.R.conditions, oscillator.SOURCE).omega_minus)
+        found = float(jshell.oscillator.frequencies(jshell.presets.R.conditions, jshell.oscillator.SOURCE).omega_minus)
     words = f"ω₋ of R is {found:.6f}, known to be {SLOW_MODE}"
     if abs(found - SLOW_MODE) <= 2e-6:  # the known value has six decimals
         return Finding("a known number", words)
@@ -163,12 +173,12 @@ def _number() -> Finding:
 
 def _cache() -> Finding:
     """Where compiled programs are kept between processes."""
-    given = getattr(jax.config, "jax_compilation_cache_dir", None)
+    given = getattr(_jax().config, "jax_compilation_cache_dir", None)
     if not given:
         return Finding(
             "compilation cache",
             "none: every process compiles anew",
-            remedy="set JAX_COMPILATION_CACHE_DIR to a folder: first calls then take a third of the time.",
+            remedy=_CACHE_REMEDY,
         )
     if "://" in str(given):
         return Finding("compilation cache", str(given))
@@ -197,8 +207,8 @@ def _writable(folder: Path) -> bool:
 def _data() -> Finding:
     """Whether the data that come with jshell can be read."""
     try:
-        samples = len(io.read_trace(io.example("attached_R_HW.csv")).times)
-        shells = len(oscillator.simulated_modes())
+        samples = len(jshell.io.read_trace(jshell.io.example("attached_R_HW.csv")).times)
+        shells = len(jshell.oscillator.simulated_modes())
     except (JshellError, OSError) as error:
         return Finding("shipped data", str(error), False, "the package is incomplete: install it anew.")
     return Finding("shipped data", f"a recording of {samples} samples, modes of {shells} shells")

@@ -1,25 +1,23 @@
 """`jshell drive`: what a shell answers to a pressure."""
 
+import dataclasses
 import importlib
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
 
-from jshell import io
+import jshell
 from jshell.cli import decay as decays
 from jshell.cli.constants import Damped, with_damping
 from jshell.cli.destinations import OutFile, Picture, drawable, traceable
 from jshell.cli.output import Json, finish, log, say, speaking, table
 from jshell.cli.problem import Problem, with_conditions
 from jshell.errors import BadValue, Outcome, choose
-from jshell.memory import half_derivative
-from jshell.oscillator import Coefficients, Decay, Drag, Pulse, Ramp, Response, Reynolds, Step, StokesLayer, Tone
-from jshell.oscillator import drive as run
-from jshell.oscillator.forcing import Forcing
-from jshell.shell import SPHERE_VOLUME
-from jshell.trace import Trace
+
+if TYPE_CHECKING:
+    import jshell.pressure
 
 FORCINGS = ("tone", "pulse", "burst", "step", "ramp")
 DRAGS = ("viscous", "equal_decay", "reynolds", "none")
@@ -35,7 +33,10 @@ def drive(
     amplitude: Annotated[
         float, typer.Option(help="Added pressure / (E d/R0); of a pulse or burst its peak negative pressure.")
     ] = 0.02,
-    pulsation: Annotated[float | None, typer.Option(help="Of a tone, pulse or burst; default the slow mode's.")] = None,
+    angular_frequency: Annotated[
+        float | None,
+        typer.Option("--pulsation", help="Angular frequency of a tone, pulse or burst; default the slow mode's."),
+    ] = None,
     cycles: Annotated[int, typer.Option(help="Of a pulse or burst.")] = 5,
     kpa: Annotated[float | None, typer.Option("--kpa", help="Amplitude in kPa (needs SI conditions).")] = None,
     mhz: Annotated[float | None, typer.Option("--mhz", help="Frequency in MHz (needs SI conditions).")] = None,
@@ -57,21 +58,22 @@ def drive(
     traceable(out)
     drawable(plot)
     constants, law, found_decay = decays.decay(problem, damped, tau, drag, layer > 0)
-    omega = _pulsation(problem, constants, pulsation, mhz)
+    omega = _angular_frequency(problem, constants, angular_frequency, mhz)
     size = amplitude if kpa is None else _si(problem, "--kpa") and 1e3 * kpa / problem.scales.pressure  # pyright: ignore
     pressure = _forcing(forcing, size, omega, cycles, rise)
-    memory = StokesLayer(half_derivative(), layer) if layer > 0 else None
-    losses = Drag(law, tau, Reynolds(), memory, wall_viscosity, sound_speed)
+    short = jshell.oscillator
+    memory = short.StokesLayer(jshell.memory.half_derivative(), layer) if layer > 0 else None
+    losses = short.Drag(law, tau, short.Reynolds(), memory, wall_viscosity, sound_speed)
     times = np.arange(0.0, duration + every / 2, every)
-    log(f"driving {duration:g} time units at pulsation {omega:g}")
-    found = run(problem.conditions, constants, pressure, times=times, drag=losses)
+    log(f"driving {duration:g} time units at angular frequency {omega:g}")
+    found = short.drive(problem.conditions, constants, pressure, times=times, drag=losses)
     _tell(problem, found, found_decay, omega, out, plot, as_json)
 
 
 def _tell(
     problem: Problem,
-    found: Response,
-    decay: Decay,
+    found: "jshell.oscillator.Response",
+    decay: "jshell.oscillator.Decay",
     omega: float,
     out: Path | None,
     plot: Path | None,
@@ -81,18 +83,18 @@ def _tell(
     outcome = Outcome(int(found.outcome))
     whole = found.trace()
     settings = (*whole.settings, *decays.written(decay))
-    trace = Trace(whole.times, whole.channels, whole.conditions, outcome=int(outcome), settings=settings,
-                  scales=problem.scales)  # fmt: skip
+    trace = dataclasses.replace(whole, outcome=int(outcome), settings=settings, scales=problem.scales)
     if out is not None:
-        io.write_trace(out, trace)
+        jshell.io.write_trace(out, trace)
     drawing = importlib.import_module("jshell.plot.response")
     if plot is not None:
         importlib.import_module("jshell.plot").save(drawing.answer(found), plot)
     ok = outcome == Outcome.OK
-    V = np.asarray(found.motion.V) / SPHERE_VOLUME
+    sphere = jshell.shell.SPHERE_VOLUME
+    V = np.asarray(found.motion.V) / sphere
     ended = float(found.ended)
     numbers = {
-        "V_rest_over_V0": float(found.driven.state.volume) / SPHERE_VOLUME,
+        "V_rest_over_V0": float(found.driven.state.volume) / sphere,
         "V_min_over_V0": float(V.min()) if ok else None,
         "V_max_over_V0": float(V.max()) if ok else None,
         "pole_speed_max": float(np.max(np.abs(np.asarray(found.front_speed)))) if ok else None,
@@ -121,24 +123,24 @@ def _si(problem: Problem, option: str) -> bool:
     return True
 
 
-def _pulsation(problem: Problem, constants: Coefficients, given: float | None, mhz: float | None) -> float:
-    """The drive's pulsation: as given, from a frequency, or that of the slow mode."""
+def _angular_frequency(
+    problem: Problem, constants: "jshell.oscillator.Coefficients", given: float | None, mhz: float | None
+) -> float:
+    """The drive's angular frequency: as given, from a frequency, or that of the slow mode."""
     if mhz is not None:
         _si(problem, "--mhz")
         return 2e6 * np.pi * mhz * problem.scales.time  # pyright: ignore[reportOptionalMemberAccess]
     if given is not None:
         return given
-    from jshell.oscillator import frequencies
-
-    found = frequencies(problem.conditions, constants)
+    found = jshell.oscillator.frequencies(problem.conditions, constants)
     finish(Outcome(int(found.outcome)))
     return float(found.omega_minus)
 
 
-def _forcing(kind: str, size: float, omega: float, cycles: int, rise: float) -> Forcing:
+def _forcing(kind: str, size: float, omega: float, cycles: int, rise: float) -> "jshell.pressure.Pressure":
     choose("--forcing", kind, FORCINGS)
     if kind == "tone":
-        return Tone(size, omega)
+        return jshell.oscillator.Tone(size, omega)
     if kind in ("pulse", "burst"):
-        return Pulse(size, omega, cycles, 0.0, "hann" if kind == "pulse" else "flat")
-    return Step(size) if kind == "step" else Ramp(size, rise)
+        return jshell.oscillator.Pulse(size, omega, cycles, 0.0, "hann" if kind == "pulse" else "flat")
+    return jshell.oscillator.Step(size) if kind == "step" else jshell.oscillator.Ramp(stop=size, duration=rise)

@@ -2,20 +2,17 @@
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from jshell import io
+import jshell
 from jshell.cli.problem import Problem
-from jshell.dynamics import Losses
-from jshell.dynamics.losses import STOKES
 from jshell.errors import BadFile, BadValue, choose
 from jshell.files import NamedBytes
-from jshell.io.headers import si_pairs
-from jshell.membrane import WallLoss
-from jshell.oscillator import Pulse, Reynolds, Together, Tone
-from jshell.oscillator.forcing import Forcing
+
+if TYPE_CHECKING:
+    import jshell.pressure
 
 _PRESSURE = "Outer pressure"
 _LOSSES = "Losses"
@@ -102,9 +99,11 @@ def outer_pressure(path: Path | None, problem: Problem) -> tuple | None:
         return None
     meta = None
     if problem.scales is not None:
+        from jshell.io.headers import si_pairs  # help need not wait for it
+
         given = {key: float(value) for key, value in si_pairs(problem.conditions, problem.scales)}
         meta = NamedBytes("conditions.json", json.dumps(given).encode())
-    trace = io.read_trace(path, meta=meta)
+    trace = jshell.io.read_trace(path, meta=meta)
     if "P_ext" not in trace.channels:
         raise BadFile(
             str(path),
@@ -117,16 +116,16 @@ def outer_pressure(path: Path | None, problem: Problem) -> tuple | None:
 
 def forcing(
     tone: tuple[float, float] | None, burst: tuple[float, float, int] | None, burst_start: float
-) -> Forcing | None:
+) -> "jshell.pressure.Pressure | None":
     """What is added to the outer pressure; None where nothing is."""
-    parts: list[Forcing] = []
+    parts: list[jshell.pressure.Pressure] = []
     if tone is not None:
-        parts.append(Tone(*tone))
+        parts.append(jshell.oscillator.Tone(*tone))
     if burst is not None:
-        parts.append(Pulse(*burst, start=burst_start))
+        parts.append(jshell.oscillator.Pulse(*burst, start=burst_start))
     if not parts:
         return None
-    return parts[0] if len(parts) == 1 else Together(tuple(parts))
+    return parts[0] if len(parts) == 1 else jshell.oscillator.Sum(tuple(parts))
 
 
 def losses(
@@ -137,7 +136,7 @@ def losses(
     retardation: float | None,
     reynolds: bool,
     order: int = 2,
-) -> Losses:
+) -> "jshell.dynamics.Losses":
     """The losses that the options describe.
 
     Raises:
@@ -145,6 +144,8 @@ def losses(
         BadValue: A frequency without its layer, the layer without its frequency, no such order, or bulk loss beside
             a layer.
     """
+    from jshell.dynamics.losses import STOKES  # help need not wait for it
+
     chosen = stokes if stokes is not None else ("memory" if frequency is None else "frequency")
     choose("--stokes", chosen, STOKES, remedy="memory is usual.")
     if (chosen == "frequency") != (frequency is not None):
@@ -156,6 +157,6 @@ def losses(
         )
     loss = None
     if dilatation is not None or retardation is not None:
-        loss = WallLoss(dilatation=dilatation or 0.0, retardation=retardation or 0.0)
-    drag = Reynolds() if reynolds else None
-    return Losses(chosen, frequency=frequency, order=order, bulk=bulk, wall=loss, drag=drag)
+        loss = jshell.membrane.WallLoss(dilatation=dilatation or 0.0, retardation=retardation or 0.0)
+    drag = jshell.oscillator.Reynolds() if reynolds else None
+    return jshell.dynamics.Losses(chosen, frequency=frequency, order=order, bulk=bulk, wall=loss, drag=drag)

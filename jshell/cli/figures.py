@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from jshell import campaigns
+import jshell
 from jshell.cli.output import Json, log, say, speaking, table
 from jshell.errors import BadFile, choose
 
@@ -42,7 +42,7 @@ def figures(
     if out.exists() and not out.is_dir():
         raise BadFile("--out", found=f"the file {out}", expected="a folder", remedy="Choose another name.")
     out.mkdir(parents=True, exist_ok=True)
-    material = paper.Material(lambda: campaigns.catalog(campaign), elements=elements)
+    material = paper.Material(lambda: jshell.campaigns.catalog(campaign), elements=elements)
     began, drawn = time.perf_counter(), []
     for one in asked:
         start = time.perf_counter()

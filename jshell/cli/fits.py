@@ -6,8 +6,8 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from jshell import calibration, io
-from jshell.calibration.options import CONDITIONS, default_of, words_of
+import jshell
+from jshell.calibration.options import default_of, words_of
 from jshell.cli.destinations import drawable, writable
 from jshell.cli.options import flag, takes_fit_options
 from jshell.cli.output import Json, finish, log, say, speaking
@@ -50,8 +50,8 @@ def fit(
     if table is not None:
         found = _of_table(table, weighting, options, compare)
     else:
-        traces = [io.read_trace(file, meta=meta) for file in files or []]
-        found = calibration.fit_trajectories(traces, options=options)
+        traces = [jshell.io.read_trace(file, meta=meta) for file in files or []]
+        found = jshell.calibration.fit_trajectories(traces, options=options)
     if save is not None:
         log(f"wrote {found.save(save)}")
     more: dict[str, Any] = {}
@@ -61,24 +61,21 @@ def fit(
         more["bootstrap"] = found.bootstrap(bootstrap, seed=options.seed)
     if compare:
         channels = None if found.specification is None else found.specification.channels
-        start, stop = options.start, options.stop
-        more["models"] = [
-            calibration.compare(trace, channels=channels, equilibrium=options.equilibrium, start=start, stop=stop)
-            for trace in traces
-        ]
+        chosen = {"equilibrium": options.equilibrium, "start": options.start, "stop": options.stop}
+        more["models"] = [jshell.calibration.compare(trace, channels=channels, **chosen) for trace in traces]
     tell(found, more, plot, as_json)
 
 
-def _of_table(path: Path, weighting: str, options: calibration.FitOptions, compare: bool) -> calibration.FitResult:
+def _of_table(path: Path, weighting: str, options: Any, compare: bool) -> "jshell.FitResult":
     """A fit of frequencies, which has but a few of the options."""
-    rows = io.read_table(path, required=TABLE_NEEDS, optional=TABLE_MAY)
+    rows = jshell.io.read_table(path, required=TABLE_NEEDS, optional=TABLE_MAY)
     given = options.differing()
     for name in ("fix", "bounds", "starts", "seed"):
         given.pop(name, None)
     for option in [flag(name) for name in given] + ["--compare"] * compare:
         raise BadValue(option, found="a table", expected="traces", remedy="Leave it out with --table.")
     usual = {} if options.starts == default_of("starts") else {"starts": options.starts}
-    return calibration.fit_frequencies(
+    return jshell.calibration.fit_frequencies(
         rows, weighting, fix=options.fix, bounds=options.bounds, seed=options.seed, **usual
     )
 
@@ -93,17 +90,16 @@ def show(
     """Show a saved fit: its report and its picture, without fitting again."""
     drawable(plot)
     writable(netcdf, "--netcdf")
-    found = calibration.load(record)
+    found = jshell.calibration.load(record)
     if netcdf is not None:
         log(f"wrote {found.to_netcdf(netcdf)}")
     tell(found, {}, plot, as_json)
 
 
-def tell(found: calibration.FitResult, more: dict[str, Any], plot: Path | None, as_json: bool) -> None:
+def tell(found: "jshell.FitResult", more: dict[str, Any], plot: Path | None, as_json: bool) -> None:
     """Draw, print and end as a fit ends."""
     if plot is not None:
-        from jshell import plot as pictures
-
+        pictures = jshell.plot
         axes = pictures.trace_fit(found) if found.traces else pictures.master_curve(found.table, found)
         pictures.save(np.ravel(np.asarray(axes))[0].figure, plot)
         log(f"wrote {plot}")
@@ -121,8 +117,10 @@ def tell(found: calibration.FitResult, more: dict[str, Any], plot: Path | None, 
     finish(found.outcome, sound=not any(text.startswith("misfit") for text in found.warnings))
 
 
-def fit_record(found: calibration.FitResult) -> dict:
+def fit_record(found: "jshell.FitResult") -> dict:
     """A fit as JSON: the constants and their errors on top, the whole record below."""
+    from jshell.calibration.options import CONDITIONS
+
     plain = ("alpha1", "alpha2", "k_vs", "beta1", "beta2", *CONDITIONS)
     constants = [e for e in found.estimates if e.name.split("[")[0] in plain]
     name = lambda e: e.name.replace("k_vs", SHOWN["k_vs"])  # noqa: E731

@@ -1,29 +1,115 @@
-"""The terminal's way in."""
+"""The terminal's way in: every verb's name and first sentence; its module, and JAX, only when it is called."""
 
-from typing import Annotated
+import importlib
+from typing import Annotated, Any
 
 import typer
+from rich.markup import escape
+from typer.core import TyperCommand
 
 from jshell import __version__
-from jshell.cli.bifurcation import bifurcation
-from jshell.cli.campaign import app as campaign
-from jshell.cli.cycle import cycle
-from jshell.cli.demo import demo
-from jshell.cli.design import design
-from jshell.cli.doctor import doctor
-from jshell.cli.drive import drive
-from jshell.cli.figures import figures
-from jshell.cli.fits import fit, show
 from jshell.cli.output import Verbs
-from jshell.cli.sensitivity import sensitivity
-from jshell.cli.serve import serve
-from jshell.cli.softening import softening
-from jshell.cli.statics import branch, frequencies, modes, rest
-from jshell.cli.submit import submit
-from jshell.cli.traces import analyse, simulate
+
+# A verb, the module and the name in it, and the first sentence of its own docstring.
+VERBS = {
+    "demo": ("demo", "Rest, vibrate, buckle, listen, fit: the whole of jshell on the source's configuration R."),
+    "rest": ("statics", "Rest shape: volume, area and inner pressure of a shell at a load, or at a volume."),
+    "branch": (
+        "statics",
+        "Deflation branch: every dimpled shape from the sphere to contact, its folds, eigenvalue and Maxwell point.",
+    ),
+    "modes": (
+        "statics",
+        "Small vibrations about the rest shape: frequencies, decay times, changes of volume and area.",
+    ),
+    "simulate": ("traces", "Buckle a shell in time and write the trace."),
+    "analyse": ("traces", "Analyse a trace: two frequencies, a decay time, amplitude ratios, a verdict."),
+    "fit": ("fits", "Fit the short model's constants."),
+    "show": ("fits", "Show a saved fit: its report and its picture, without fitting again."),
+    "frequencies": (
+        "statics",
+        "The short model's two frequencies (eq:defw, plateau law), beside the sphere's and Marmottant's.",
+    ),
+    "drive": (
+        "drive",
+        "Drive a buckled shell by a tone, pulse, burst, step or ramp, with the nonlinear short model.",
+    ),
+    "cycle": (
+        "cycle",
+        "Follow a shell through buckling and unbuckling under a pressure that swings between two values.",
+    ),
+    "bifurcation": ("bifurcation", "Bifurcation diagram: the volume once a period over the amplitude of a tone."),
+    "softening": (
+        "softening",
+        "Angular frequencies before over after buckling, with the simulator's own modes beside them where stored.",
+    ),
+    "sensitivity": (
+        "sensitivity",
+        "Elasticities of a number at a shell; with --range, Sobol indices; with --next, which shell to measure next.",
+    ),
+    "design": ("design", "Thickness and gas pressure of the shells that have two wanted frequencies."),
+    "doctor": (
+        "doctor",
+        "Look at the installation: versions, devices, float64, the compiler, the cache, extras, shipped data.",
+    ),
+    "figures": (
+        "figures",
+        "Draw the source's figures from our own simulations, its published numbers marked; without a name, list them.",
+    ),
+    "serve": ("serve", "Serve fits over HTTP: a page for people, an API for programs."),
+    "submit": (
+        "submit",
+        "Fit traces on a service; the report is that of `jshell fit`. A token is read from JSHELL_TOKEN.",
+    ),
+    "campaign": ("campaign", "Many simulations: designed, run, catalogued."),
+}
+
+
+def load(name: str) -> Any:
+    """The command of a verb; loads its module.
+
+    Args:
+        name: One of `VERBS`.
+    """
+    module = importlib.import_module(f"jshell.cli.{VERBS[name][0]}")
+    verb = getattr(module, name, None)
+    if verb is None:  # a group of verbs
+        found = typer.main.get_command(module.app)
+    else:
+        alone = typer.Typer(add_completion=False)
+        alone.command()(verb)
+        found = typer.main.get_command(alone)
+    found.name = name
+    _show_brackets(found)
+    return found
+
+
+def _show_brackets(command: Any) -> None:
+    """Keep units in help: Rich, which prints it, takes `[m]` for the name of a style."""
+    command.help = escape(command.help or "")
+    for param in command.params:
+        if getattr(param, "help", None):
+            param.help = escape(param.help)
+    for each in getattr(command, "commands", {}).values():
+        _show_brackets(each)
+
+
+class LazyVerbs(Verbs):
+    """The verbs: listed from the table, loaded when one is called."""
+
+    def __init__(self, **given: Any) -> None:
+        super().__init__(**given)
+        for name, (_, words) in VERBS.items():
+            self.add_command(TyperCommand(name, help=words))
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
+        """The command that the first word names, and the other words."""
+        name, found, rest = super().resolve_command(ctx, args)
+        return name, found if name is None else load(name), rest
+
 
 app = typer.Typer(
-    cls=Verbs,
+    cls=LazyVerbs,
     help="Buckling spherical shells in a liquid: simulate, listen, fit.",
     no_args_is_help=True,
     add_completion=False,
@@ -43,11 +129,3 @@ def common(
     ] = None,
 ) -> None:
     """Buckling spherical shells in a liquid: simulate, listen, fit."""
-
-
-for verb in (
-    demo, rest, branch, modes, simulate, analyse, fit, show, frequencies, drive, cycle, bifurcation, softening,
-    sensitivity, design, doctor, figures, serve, submit,
-):  # fmt: skip
-    app.command()(verb)
-app.add_typer(campaign, name="campaign")

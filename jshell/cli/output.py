@@ -1,14 +1,15 @@
 """What a verb prints: one JSON object, or a table; logs go to stderr, and the exit code tells the rest."""
 
 import functools
+import importlib
 import json
+import math
 import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Annotated, Any
 
-import numpy as np
 import typer
 from typer.core import TyperGroup
 
@@ -27,19 +28,20 @@ def clean(value: Any) -> Any:
         return {str(key): clean(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [clean(item) for item in value]
-    if isinstance(value, bool | np.bool_):
-        return bool(value)
     if isinstance(value, Outcome):
         return value.word
-    if isinstance(value, str) or value is None:
+    if isinstance(value, bool | str) or value is None:
         return value
+    np = importlib.import_module("numpy")  # help need not wait for it
+    if isinstance(value, np.bool_):
+        return bool(value)
     numbers = np.asarray(value)
     if numbers.ndim:
         return [clean(item) for item in numbers]
     if np.issubdtype(numbers.dtype, np.integer):
         return int(numbers)
     number = float(numbers)
-    return number if np.isfinite(number) else None
+    return number if math.isfinite(number) else None
 
 
 def say(record: dict[str, Any]) -> None:
@@ -63,7 +65,7 @@ def cell(item: Any) -> str:
     if isinstance(item, str):
         return item
     number = float(item)
-    return f"{number:.5g}" if np.isfinite(number) else "–"
+    return f"{number:.5g}" if math.isfinite(number) else "–"
 
 
 def log(text: str) -> None:

@@ -12,16 +12,16 @@ from typing import Annotated, Any
 
 import typer
 
+import jshell
 from jshell.errors import BadValue
-from jshell.shell import Gas, Liquid, Load, Reduced, Scales, Shell, presets, scales
 
 
 @dataclass(frozen=True)
 class Problem:
     """Conditions from the command line, and the scales where they came in SI."""
 
-    conditions: Reduced
-    scales: Scales | None
+    conditions: "jshell.Reduced"
+    scales: "jshell.Scales | None"
     has_viscosity: bool
 
     def needs_viscosity(self) -> None:
@@ -39,7 +39,7 @@ class Problem:
         return named(self.conditions)
 
 
-def named(conditions: Reduced) -> dict[str, float]:
+def named(conditions: "jshell.Reduced") -> dict[str, float]:
     """Conditions under the names files use."""
     c = conditions
     return {
@@ -108,7 +108,7 @@ def conditions(
             expected="one kind",
             remedy="Give all pressures and lengths in SI, or all as pure numbers.",
         )
-    base = None if preset is None else presets.preset(preset)
+    base = None if preset is None else jshell.presets.preset(preset)
     if base is None and not given_pure and not given_si:
         raise BadValue("conditions", found="none", expected="--preset, pure numbers or SI", remedy="Try --preset R.")
     if given_si:
@@ -116,7 +116,9 @@ def conditions(
     return _from_pure(base, given_pure, kappa, nu)
 
 
-def _from_pure(base: presets.Preset | None, given: dict[str, float], kappa: float | None, nu: float | None) -> Problem:
+def _from_pure(
+    base: "jshell.presets.Preset | None", given: dict[str, float], kappa: float | None, nu: float | None
+) -> Problem:
     if base is None:
         _require(given, ("d_hat", "p0_hat", "pext_hat"))
         start = {"eta_hat": 0.0, "kappa": 1.4, "nu": 0.5}
@@ -125,7 +127,7 @@ def _from_pure(base: presets.Preset | None, given: dict[str, float], kappa: floa
         start = {"d_hat": c["d_hat"], "p0_hat": c["P0_hat"], "pext_hat": c["Pext_hat"], "eta_hat": c["eta_hat"]}
         start |= {"kappa": c["kappa"], "nu": c["nu"]}
     full = start | given
-    reduced = Reduced(
+    reduced = jshell.Reduced(
         full["d_hat"],
         full["p0_hat"],
         full["pext_hat"],
@@ -137,7 +139,9 @@ def _from_pure(base: presets.Preset | None, given: dict[str, float], kappa: floa
     return Problem(reduced, unit, base is not None or "eta_hat" in given)
 
 
-def _from_si(base: presets.Preset | None, given: dict[str, float], kappa: float | None, nu: float | None) -> Problem:
+def _from_si(
+    base: "jshell.presets.Preset | None", given: dict[str, float], kappa: float | None, nu: float | None
+) -> Problem:
     if base is not None:
         if base.unit is None:
             raise BadValue(
@@ -161,11 +165,11 @@ def _from_si(base: presets.Preset | None, given: dict[str, float], kappa: float 
     else:
         _require(given, ("r0", "d", "e", "p0", "pext", "rho"))
         full = {"eta": 0.0} | given
-    shell = Shell(full["r0"], full["d"], full["e"], 0.5 if nu is None else nu)
-    gas = Gas(full["p0"], 1.4 if kappa is None else kappa)
-    liquid, load = Liquid(full["rho"], full["eta"]), Load(full["pext"])
-    reduced = Reduced.from_si(shell, gas, liquid, load)
-    return Problem(reduced, scales(shell, liquid), base is not None or "eta" in given)
+    shell = jshell.Shell(full["r0"], full["d"], full["e"], 0.5 if nu is None else nu)
+    gas = jshell.Gas(full["p0"], 1.4 if kappa is None else kappa)
+    liquid, load = jshell.Liquid(full["rho"], full["eta"]), jshell.Load(full["pext"])
+    reduced = jshell.Reduced.from_si(shell, gas, liquid, load)
+    return Problem(reduced, jshell.shell.scales(shell, liquid), base is not None or "eta" in given)
 
 
 def _require(given: dict[str, float], needed: tuple[str, ...]) -> None:

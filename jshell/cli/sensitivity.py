@@ -7,14 +7,12 @@ from typing import Annotated
 import numpy as np
 import typer
 
+import jshell
 from jshell.cli.constants import Damped, with_damping
 from jshell.cli.destinations import Picture, drawable
 from jshell.cli.output import Json, log, say, speaking, table
 from jshell.cli.problem import Problem, named, with_conditions
 from jshell.errors import BadValue
-from jshell.oscillator import Coefficients
-from jshell.sensitivity import Elasticities, Range, SobolIndices, elasticities, information, next_experiment, sobol
-from jshell.sensitivity.identifiability import PARAMETERS
 
 
 @speaking
@@ -56,19 +54,21 @@ def sensitivity(
             # what depends on what is asked of eq:taureal; a β1 that follows the shell would hide its own share
             log(f"tau is α1/(2 β1 η̂) with the source's β1 = {float(constants.beta1):.3g}; --beta1 chooses")
     if vary:
-        found = sobol(of, _ranges(vary), problem.conditions, constants, rows=rows, seed=seed, missing=missing)
+        found = jshell.sensitivity.sobol(
+            of, _ranges(vary), problem.conditions, constants, rows=rows, seed=seed, missing=missing
+        )
         shown = _sobol_table(found)
     else:
-        found = elasticities(of, problem.conditions, constants)
+        found = jshell.sensitivity.elasticities(of, problem.conditions, constants)
         shown = _elasticity_table(found)
     record = found.record()
-    if isinstance(found, Elasticities):
-        told = information(problem.conditions, constants)
+    if isinstance(found, jshell.sensitivity.Elasticities):
+        told = jshell.sensitivity.information(problem.conditions, constants)
         record |= {"one_shell_leaves_free": list(told.words)}
         shown += "\n" + "\n".join(f"from this shell's two frequencies alone, {line}" for line in told.words)
     if plot is not None:
         drawing = importlib.import_module("jshell.plot.sensitivity")
-        draw = drawing.elasticity_bars if isinstance(found, Elasticities) else drawing.sobol_bars
+        draw = drawing.elasticity_bars if isinstance(found, jshell.sensitivity.Elasticities) else drawing.sobol_bars
         importlib.import_module("jshell.plot").save(draw(found).figure, plot)
     if as_json:
         say({**record, "plot": None if plot is None else str(plot), "conditions": problem.record()})
@@ -77,12 +77,18 @@ def sensitivity(
 
 
 def _advise(
-    problem: Problem, constants: Coefficients, texts: list[str], sigma: float, plot: Path | None, as_json: bool
+    problem: Problem,
+    constants: "jshell.oscillator.Coefficients",
+    texts: list[str],
+    sigma: float,
+    plot: Path | None,
+    as_json: bool,
 ) -> None:
     """Rank candidates by what they would add to the shell of the conditions, taken as measured."""
     c = problem.conditions
     d, P0, P = np.array([_triple(text) for text in texts]).T
-    found = next_experiment(c.replace(thickness=d, gas_pressure=P0, outer_pressure=P), constants, c, sigma)
+    candidates = c.replace(thickness=d, gas_pressure=P0, outer_pressure=P)
+    found = jshell.sensitivity.next_experiment(candidates, constants, c, sigma)
     if plot is not None:
         axes = importlib.import_module("jshell.plot.sensitivity").ranking(found, texts)
         importlib.import_module("jshell.plot").save(axes.figure, plot)
@@ -94,7 +100,7 @@ def _advise(
     else:
         typer.echo(table([(texts[k], found.gain[k]) for k in order], ("measure next: d̂,P̂0,P̂ext", "rise of ln det F")))
         typer.echo("")
-        rows = [*zip(PARAMETERS, found.before, found.after, strict=True)]
+        rows = [*zip(jshell.sensitivity.identifiability.PARAMETERS, found.before, found.after, strict=True)]
         typer.echo(table(rows, ("relative error of", "now", "with the best")))
 
 
@@ -113,7 +119,7 @@ def _triple(text: str) -> tuple[float, float, float]:
     return d, P0, P
 
 
-def _ranges(texts: list[str]) -> dict[str, Range]:
+def _ranges(texts: list[str]) -> "dict[str, jshell.sensitivity.Range]":
     """Ranges from `input=low,high[,log]`.
 
     Raises:
@@ -129,16 +135,16 @@ def _ranges(texts: list[str]) -> dict[str, Range]:
             raise BadValue(
                 "--range", found=repr(text), expected="INPUT=LOW,HIGH or INPUT=LOW,HIGH,log", remedy="thickness=.05,.3"
             ) from None
-        found[name] = Range(low, high, parts[2] if len(parts) > 2 else "linear")
+        found[name] = jshell.sensitivity.Range(low, high, parts[2] if len(parts) > 2 else "linear")
     return found
 
 
-def _elasticity_table(found: Elasticities) -> str:
+def _elasticity_table(found: "jshell.sensitivity.Elasticities") -> str:
     rows = [*zip(found.inputs, found.at, found.derivative, found.elasticity, strict=True)]
     return table(rows, (f"{found.name} = {found.value:.6g}", "value", "derivative", "% per %"))
 
 
-def _sobol_table(found: SobolIndices) -> str:
+def _sobol_table(found: "jshell.sensitivity.SobolIndices") -> str:
     rows = [
         (n, s, f"{a[0]:.3f} … {a[1]:.3f}", t, f"{b[0]:.3f} … {b[1]:.3f}")
         for n, s, a, t, b in zip(

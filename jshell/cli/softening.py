@@ -6,12 +6,11 @@ from typing import Annotated
 import numpy as np
 import typer
 
+import jshell
 from jshell.cli.constants import with_masses
 from jshell.cli.destinations import Picture, drawable
 from jshell.cli.output import Json, finish, say, speaking, table
 from jshell.errors import BadValue, Outcome
-from jshell.oscillator import Coefficients, crossing, simulated_modes
-from jshell.oscillator import softening as drop
 
 COLUMNS, ROWS = 48, 40  # of the map
 
@@ -19,7 +18,7 @@ COLUMNS, ROWS = 48, 40  # of the map
 @speaking
 @with_masses
 def softening(
-    constants: Coefficients,
+    constants: "jshell.oscillator.Coefficients",
     d_hat: Annotated[float, typer.Option("--d-hat", help="Thickness d/R0.")] = 0.02,
     p0_hat: Annotated[float, typer.Option("--p0-hat", help="Gas pressure / (E d/R0).")] = 0.4,
     highest: Annotated[
@@ -32,7 +31,7 @@ def softening(
     plot: Picture = None,
     as_json: Json = False,
 ) -> None:
-    """Pulsations just before over just after buckling, with the simulator's own modes beside them where stored."""
+    """Angular frequencies before over after buckling, with the simulator's own modes beside them where stored."""
     drawable(plot)
     if not (d_hat > 0 and p0_hat > 0 and points > 1):
         raise BadValue(
@@ -41,20 +40,21 @@ def softening(
             expected="numbers above 0, and 2 points or more",
             remedy="Check them.",
         )
-    fall = drop(d_hat, p0_hat, constants)
+    short = jshell.oscillator
+    fall = short.softening(d_hat, p0_hat, constants)
     load = float(fall.load)
     buckles = np.isfinite(load)
     if buckles and highest is not None and not highest > p0_hat:
         raise BadValue("--highest", found=f"{highest:g}", expected=f"above P̂0 = {p0_hat:g}", remedy="Raise it.")
-    simulated = simulated_modes().of(d_hat, p0_hat)
+    simulated = short.simulated_modes().of(d_hat, p0_hat)
     if plot is not None and buckles:
         room, drawing = (importlib.import_module(f"jshell.plot{part}") for part in ("", ".response"))
         if whole_map:
             d, P0 = np.geomspace(0.005, 0.1, COLUMNS), np.geomspace(0.3, 10.0, ROWS)
-            axes = drawing.softening_map(d, P0, np.asarray(drop(d[None], P0[:, None], constants).slow))
+            axes = drawing.softening_map(d, P0, np.asarray(short.softening(d[None], P0[:, None], constants).slow))
         else:
             top = 1.4 * load if highest is None else highest
-            curve = crossing(d_hat, p0_hat, constants, np.linspace(p0_hat, top, points))
+            curve = short.crossing(d_hat, p0_hat, constants, np.linspace(p0_hat, top, points))
             axes = drawing.softening_curve(curve, simulated=simulated)
         room.save(axes.figure, plot)
     numbers = {"load": load, "slow": fall.slow, "fast": fall.fast, "marmottant": fall.marmottant}

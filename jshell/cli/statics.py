@@ -8,12 +8,11 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from jshell import dynamics, membrane, oscillator
+import jshell
 from jshell.cli.constants import with_masses
 from jshell.cli.destinations import drawable
 from jshell.cli.output import Json, finish, log, say, speaking, table
 from jshell.cli.problem import Problem, with_conditions
-from jshell.contour import NO_WEAK_SPOT, WeakSpot
 from jshell.errors import BadValue, Outcome
 
 Elements = Annotated[int, typer.Option("--elements", help="Spline elements from pole to pole.")]
@@ -24,19 +23,19 @@ Spot = Annotated[str | None, typer.Option("--weak-spot", help="DEPTH,WIDTH of a 
 Energy = Annotated[str, typer.Option("--energy", help="Elastic energy: current, reference or koiter.")]
 
 
-def weak_spot(text: str | None, default: WeakSpot) -> WeakSpot:
-    """A weak spot from `depth,width`.
+def weak_spot(text: str | None, default: "jshell.contour.WeakSpot | None" = None) -> "jshell.contour.WeakSpot":
+    """A weak spot from `depth,width`; without a text the default, or none.
 
     Raises:
         BadValue: Not two numbers.
     """
     if text is None:
-        return default
+        return jshell.contour.NO_WEAK_SPOT if default is None else default
     try:
         depth, width = (float(part) for part in text.split(","))
     except ValueError:
         raise BadValue("--weak-spot", found=repr(text), expected="DEPTH,WIDTH", remedy="Try 0.15,0.35.") from None
-    return WeakSpot(depth, width)
+    return jshell.contour.WeakSpot(depth, width)
 
 
 @speaking
@@ -55,12 +54,12 @@ def rest(
     as_json: Json = False,
 ) -> None:
     """Rest shape: volume, area and inner pressure of a shell at a load, or at a volume."""
-    found = membrane.rest(
+    found = jshell.membrane.rest(
         problem.conditions,
         branch=branch,
         elements=elements,
         attached=attached,
-        weak_spot=weak_spot(spot, NO_WEAK_SPOT),
+        weak_spot=weak_spot(spot),
         area=energy,
         volume_ratio=volume,
         grading=grading,
@@ -109,9 +108,9 @@ def branch(
     """Deflation branch: every dimpled shape from the sphere to contact, its folds, eigenvalue and Maxwell point."""
     drawable(plot)
     c = problem.conditions
-    found = membrane.deflation_branch(c, elements=elements, area=energy, lowest=lowest)
-    threshold = membrane.buckling_eigenvalue(c.thickness, c.poisson_ratio, area=energy)
-    maxwell = membrane.maxwell_point(c, area=energy, elements=elements, branch=found)
+    found = jshell.membrane.deflation_branch(c, elements=elements, area=energy, lowest=lowest)
+    threshold = jshell.membrane.buckling_eigenvalue(c.thickness, c.poisson_ratio, area=energy)
+    maxwell = jshell.membrane.maxwell_point(c, area=energy, elements=elements, branch=found)
     columns = {
         "V_over_V0": found.volume_ratio,
         "difference": found.difference,
@@ -179,14 +178,14 @@ def modes(
         log(f"--{'' if stokes_layer else 'no-'}stokes-layer is now --liquid {liquid}; the default is exact")
     if liquid != "ideal":
         problem.needs_viscosity()
-    found = dynamics.modes(
+    found = jshell.dynamics.modes(
         problem.conditions,
         count=count,
         liquid=liquid,
         branch=branch,
         elements=elements,
         attached=attached,
-        weak_spot=weak_spot(spot, NO_WEAK_SPOT),
+        weak_spot=weak_spot(spot),
     )
     outcome = Outcome(int(np.max(np.asarray(found.outcome))))
     rows = found.table()
@@ -208,11 +207,11 @@ def modes(
 @with_masses
 def frequencies(
     problem: Problem,
-    constants: oscillator.Coefficients,
+    constants: "jshell.oscillator.Coefficients",
     as_json: Json = False,
 ) -> None:
     """The short model's two frequencies (eq:defw, plateau law), beside the sphere's and Marmottant's."""
-    found = oscillator.frequencies(problem.conditions, constants)
+    found = jshell.oscillator.frequencies(problem.conditions, constants)
     outcome = Outcome(int(found.outcome))
     numbers = {
         "omega_minus": found.omega_minus,

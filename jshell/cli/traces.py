@@ -1,4 +1,4 @@
-"""`jshell simulate` and `jshell analyse`: make a trace, listen to a trace."""
+"""`jshell simulate` and `jshell analyse`: make a trace, analyse a trace."""
 
 import dataclasses
 from collections.abc import Callable, Iterator
@@ -11,7 +11,7 @@ import typer
 from rich.console import Console
 from rich.progress import Progress
 
-from jshell import dynamics, io, plot, signals
+import jshell
 from jshell.cli.destinations import drawable, traceable, writable
 from jshell.cli.driving import (
     Bulk,
@@ -32,13 +32,9 @@ from jshell.cli.driving import (
 from jshell.cli.output import Json, finish, log, say, speaking, table
 from jshell.cli.problem import Problem, with_conditions
 from jshell.cli.statics import Attached, Elements, Spot, weak_spot
-from jshell.contour import WeakSpot
-from jshell.dynamics import LONGEST_STEP
 from jshell.errors import BadUnits, BadValue, Outcome, choose
-from jshell.membrane.equilibrium import DIMPLE_DEPTH
-from jshell.shell import SPHERE_AREA, SPHERE_VOLUME
-from jshell.trace import Trace
 
+LONGEST_STEP = 1 / 60  # `dynamics.LONGEST_STEP`, which help need not wait for
 LONG = 400  # samples that make a run worth a progress bar
 
 
@@ -109,7 +105,7 @@ def simulate(
         )
     finer: dict[str, Any] = {} if tolerance is None else {"tolerance": tolerance}
     with told(shown=not (quiet or as_json) and duration / every >= LONG) as progress:
-        made = (dynamics.record if pictured else dynamics.simulate)(
+        made = (jshell.dynamics.record if pictured else jshell.dynamics.simulate)(
             problem.conditions,
             ramp=ramp,
             duration=duration,
@@ -118,7 +114,7 @@ def simulate(
             elements=elements,
             follow=follow,
             attached=attached,
-            weak_spot=weak_spot(spot, WeakSpot()),
+            weak_spot=weak_spot(spot, jshell.contour.WeakSpot()),
             shell_density=shell_density,
             pressure=pressure,
             forcing=added,
@@ -127,19 +123,19 @@ def simulate(
             progress=progress,
             **finer,
         )
-    trace = made.trace if isinstance(made, dynamics.Motion) else made
+    trace = made.trace if isinstance(made, jshell.dynamics.Motion) else made
     trace = dataclasses.replace(trace, scales=problem.scales)
-    io.write_trace(out, trace, units="si" if units == "si" else "reduced")
-    if isinstance(made, dynamics.Motion):
+    jshell.io.write_trace(out, trace, units="si" if units == "si" else "reduced")
+    if isinstance(made, jshell.dynamics.Motion):
         draw(made, film, gif)
     outcome = Outcome(int(trace.outcome))
     ok = outcome == Outcome.OK
     if ok and not buckled(trace):
         log("warning: no dimple at the end of the run: raise the outer pressure (R snaps at 1.62), or run longer")
     numbers = {
-        "t_dip": signals.dip(trace),
-        "V_over_V0": settled(trace, "V") / SPHERE_VOLUME if ok else None,
-        "S_over_S0": settled(trace, "S") / SPHERE_AREA if ok else None,
+        "t_dip": jshell.signals.dip(trace),
+        "V_over_V0": settled(trace, "V") / jshell.shell.SPHERE_VOLUME if ok else None,
+        "S_over_S0": settled(trace, "S") / jshell.shell.SPHERE_AREA if ok else None,
     }
     if as_json:
         pictures = {"film": film, "gif": gif}
@@ -151,12 +147,12 @@ def simulate(
     finish(outcome)
 
 
-def draw(motion: dynamics.Motion, film: Path | None, gif: Path | None) -> None:
+def draw(motion: "jshell.dynamics.Motion", film: Path | None, gif: Path | None) -> None:
     """Write the pictures that were asked for."""
     if film is not None:
-        plot.save(plot.filmstrip(motion), film)
+        jshell.plot.save(jshell.plot.filmstrip(motion), film)
     if gif is not None:
-        plot.animate(motion, gif)
+        jshell.plot.animate(motion, gif)
 
 
 @contextmanager
@@ -171,13 +167,15 @@ def told(*, shown: bool) -> Iterator[Callable[[float], None] | None]:
         yield lambda done: bar.update(task, completed=done)
 
 
-def buckled(trace: Trace) -> bool:
+def buckled(trace: "jshell.Trace") -> bool:
     """Whether the buckling pole ends below the top of the shell."""
+    from jshell.membrane.equilibrium import DIMPLE_DEPTH  # help need not wait for it
+
     top, front, back = (float(np.asarray(trace[name])[-1]) for name in ("H", "x_front", "x_back"))
     return top - (front - back) > DIMPLE_DEPTH
 
 
-def settled(trace: Trace, channel: str) -> float:
+def settled(trace: "jshell.Trace", channel: str) -> float:
     """Mean over the last fifth of a trace."""
     values = np.asarray(trace[channel])
     return float(np.mean(values[-max(1, values.size // 5) :]))
@@ -186,19 +184,19 @@ def settled(trace: Trace, channel: str) -> float:
 @speaking
 def analyse(
     file: Annotated[Path, typer.Argument(help="Trace: .csv, .tsv, .json, .nc, .mat, .npz.")],
-    channel: Annotated[str | None, typer.Option(help="Channel to listen to; V, else all of H, W, S.")] = None,
+    channel: Annotated[str | None, typer.Option(help="Channel to analyse; V, else all of H, W, S.")] = None,
     start: Annotated[float | None, typer.Option("--from", help="Window's start, dimensionless time.")] = None,
     stop: Annotated[float | None, typer.Option("--to", help="Window's end, dimensionless time.")] = None,
     meta: Annotated[Path | None, typer.Option(help="Conditions (JSON) for a file without them.")] = None,
     as_json: Json = False,
 ) -> None:
-    """Listen to a trace: two frequencies, a decay time, amplitude ratios, a verdict."""
-    trace = io.read_trace(file, meta=meta)
-    found = signals.extract(trace, channel, start=start, stop=stop)
+    """Analyse a trace: two frequencies, a decay time, amplitude ratios, a verdict."""
+    trace = jshell.io.read_trace(file, meta=meta)
+    found = jshell.signals.extract(trace, channel, start=start, stop=stop)
     if as_json:
         say({"file": str(file), **found.record()})
     else:
-        typer.echo(heard_table(found))
+        typer.echo(signature_table(found))
         if found.reason:
             log(found.reason)
     if found.verdict == "more than two":
@@ -208,7 +206,7 @@ def analyse(
     finish(found.outcome, sound=found.verdict != "more than two")
 
 
-def heard_table(found: signals.Signature) -> str:
+def signature_table(found: "jshell.signals.Signature") -> str:
     """A signature as text."""
     error = found.stderr
     rows: list[tuple] = [
@@ -218,7 +216,7 @@ def heard_table(found: signals.Signature) -> str:
     ]
     rows += [(f"A+/A− on {name}", ratio, None, None) for name, ratio in found.amplitude_ratio.items()]
     rows += [("residual / signal", found.residual, None, None), ("modes needed", found.verdict, None, None)]
-    header = ("heard on " + ", ".join(found.channels), "value", "± (white noise)", "Hz")
+    header = ("from " + ", ".join(found.channels), "value", "± (white noise)", "Hz")
     if found.frequency_unit is None:
         return table([row[:3] for row in rows], header[:3])
     return table(rows, header)

@@ -15,15 +15,15 @@ Source     Marmottant et al. 2005, eq. 1-3
 from dataclasses import dataclass
 from typing import Any
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optimistix as optx
 from jaxtyping import Array, Float
 
+from jshell import integrator
 from jshell.errors import BadShape, BadValue, Outcome
+from jshell.renamed import renamed_attribute
 from jshell.shell.breathing import radial_acceleration
 from jshell.shell.parameters import check
 
@@ -102,8 +102,8 @@ class Marmottant:
         return jnp.where(elastic <= 0, 0.0, jnp.where(elastic >= limit, self.water_tension, elastic))
 
     @property
-    def linear_pulsations(self) -> tuple[float, float]:
-        """Undamped pulsations of the elastic and of the buckled bubble [1/s]: the film's law, and the gas alone.
+    def linear_angular_frequencies(self) -> tuple[float, float]:
+        """Undamped angular frequencies of the elastic and of the buckled bubble [1/s]: film's law, and gas alone.
 
         Source:
             ω² = (3κ p_g - 2σ0/R0 + 4χ/R0 (1 + σ0/χ))/(ρ R0²), p_g = p0 + 2σ0/R0, from the linear part of eq. 3;
@@ -115,6 +115,8 @@ class Marmottant:
         scale = self.density * R**2
         elastic = np.sqrt(film / scale)
         return float(elastic), float(np.sqrt(3 * self.kappa * self.pressure / scale))
+
+    linear_pulsations = renamed_attribute("linear_pulsations", "linear_angular_frequencies")
 
 
 class RadialRun(eqx.Module):
@@ -216,25 +218,8 @@ def _rate(bubble: Marmottant, pressure: Any, broken: bool, t: Any, y: Any) -> ja
 @eqx.filter_jit
 def _segment(bubble: Marmottant, pressure: Any, broken: bool, y: Any, now: Any, ts: Any, rtol: float, atol: float):
     limit = bubble.break_radius / bubble.radius
-    event = None
-    if np.isfinite(limit) and not broken:
-        event = diffrax.Event(lambda t, y, args, **_: limit - y[0], optx.Newton(1e-11, 1e-11, optx.rms_norm))
-    solution = diffrax.diffeqsolve(
-        diffrax.ODETerm(lambda t, y, args: _rate(bubble, pressure, broken, t, y)),
-        diffrax.Dopri8(),
-        t0=now,
-        t1=ts[-1],
-        dt0=None,
-        y0=y,
-        saveat=diffrax.SaveAt(subs=[diffrax.SubSaveAt(ts=jnp.maximum(ts, now)), diffrax.SubSaveAt(t1=True)]),
-        stepsize_controller=diffrax.PIDController(rtol=rtol, atol=atol),
-        event=event,
-        max_steps=2**18,
-        throw=False,
-    )
-    hit = jnp.asarray(False) if event is None else jnp.any(jnp.asarray(solution.event_mask))
-    worked = (solution.result == diffrax.RESULTS.successful) | (solution.result == diffrax.RESULTS.event_occurred)
-    stop = jnp.where(hit, solution.ts[1][-1], ts[-1])  # pyright: ignore[reportOptionalSubscript]
-    steps = (solution.stats["num_accepted_steps"], solution.stats["num_rejected_steps"])
-    samples, last = solution.ys  # pyright: ignore[reportGeneralTypeIssues]
-    return samples, last[-1], stop, hit, worked, steps
+    breaks = [lambda t, y, args: limit - y[0]] if np.isfinite(limit) and not broken else []
+    field = lambda t, y, args: _rate(bubble, pressure, broken, t, y)  # noqa: E731
+    how = integrator.Options(rtol, atol, most_steps=2**18)
+    found = integrator.integrate(field, y, ts, how, begin=now, margins=breaks)
+    return found.samples, found.last, found.stop, jnp.any(found.hit), found.worked, (found.accepted, found.rejected)

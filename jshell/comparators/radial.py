@@ -1,6 +1,6 @@
 """Radial rivals of the buckled shell: the intact sphere and the bare bubble.
 
-Symbols    ω pulsation [sqrt(E d/(ρ_f R0³))]   P̂ext outer pressure [E d/R0]
+Symbols    ω angular frequency [sqrt(E d/(ρ_f R0³))]   P̂ext outer pressure [E d/R0]
 Valid for  small radial oscillations
 Source     Mokbel et al. 2021: eq:wsphere, caption of fig:soft; Minnaert 1933
 """
@@ -25,7 +25,7 @@ __all__ = [
 
 
 class RadialFrequencies(NamedTuple):
-    """Pulsations of one problem by the radial models [sqrt(E d/(ρ_f R0³))].
+    """Angular frequencies of one problem by the radial models [sqrt(E d/(ρ_f R0³))].
 
     Attributes:
         sphere: The shell, compressed but not buckled.
@@ -39,7 +39,7 @@ class RadialFrequencies(NamedTuple):
 
 
 def radial_frequencies(conditions: Reduced) -> RadialFrequencies:
-    """The pulsations that radial models give a shell at a load.
+    """The angular frequencies that radial models give a shell at a load.
 
     Source:
         eq:wsphere; caption of fig:soft.

@@ -8,12 +8,12 @@ Source     Mokbel et al. 2021: eq:NRJsph, eq:wsphere for its small oscillations
 from collections.abc import Callable
 from typing import Any
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from jshell import integrator
 from jshell.errors import Outcome
 from jshell.shell.breathing import radial_acceleration
 from jshell.shell.elasticity import SPHERE_AREA, SPHERE_VOLUME
@@ -99,20 +99,9 @@ def _run(
 
     rest = jnp.cbrt(sphere_state(c).volume / SPHERE_VOLUME)
     start = jnp.stack([rest + initial[0], initial[1]])
-    solution = diffrax.diffeqsolve(
-        diffrax.ODETerm(rate),
-        diffrax.Dopri8(),
-        t0=ts[0],
-        t1=ts[-1],
-        dt0=None,
-        y0=start,
-        saveat=diffrax.SaveAt(ts=ts),
-        stepsize_controller=diffrax.PIDController(rtol=rtol, atol=atol),
-        max_steps=2**16,
-        throw=False,
-    )
-    found = jnp.asarray(solution.ys)
-    worked = (solution.result == diffrax.RESULTS.successful) & jnp.all(jnp.isfinite(found))
+    solution = integrator.integrate(rate, start, ts, integrator.Options(rtol, atol))
+    found = jnp.asarray(solution.samples)
+    worked = solution.worked & jnp.all(jnp.isfinite(found))
     found = jnp.where(worked, found, jnp.nan)
     borne = SPHERE_VOLUME * found[:, 0] ** 3 <= buckling_volume(c)
     buckles = jnp.where(jnp.any(borne), ts[jnp.argmax(borne)], jnp.inf)

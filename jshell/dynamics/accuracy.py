@@ -1,6 +1,6 @@
 """How wrong a run or a mode is: the same on a finer mesh with a shorter step.
 
-Source     comparison with a refined solution; see `jshell.dynamics.ladder`
+Source     comparison with a refined solution; see `jshell.dynamics.refinement`
 """
 
 from dataclasses import dataclass

@@ -22,6 +22,7 @@ import numpy as np
 from jaxtyping import Array, Complex, Float, Int
 
 from jshell.contour import NO_WEAK_SPOT, WeakSpot, area, volume
+from jshell.display import FREQUENCY, TIME, ended, number, readable, shown
 from jshell.dynamics.roots import Liquid, Matrices, Roots, check_liquid, matrices, roots
 from jshell.errors import BadValue, Outcome
 from jshell.membrane import RestShape, rest
@@ -81,12 +82,22 @@ class Modes(eqx.Module):
     outcome: Int[Array, "modes"]
     rest: RestShape
 
+    @readable
+    def __repr__(self) -> str:
+        return shown(
+            self,
+            f"ω {number(self.omega, FREQUENCY)}",
+            f"τ {number(self.tau, TIME)}",
+            f"dV {number(self.dV, 'R0³')}",
+            ended(self.outcome),
+        )
+
     def table(self) -> tuple[Mode, ...]:
         """The modes as rows of plain numbers."""
         rows = []
-        for k, ended in enumerate(np.asarray(self.outcome).tolist(), 1):
-            word = Outcome(ended).word
-            if ended not in (Outcome.OK, Outcome.OVERDAMPED):
+        for k, outcome in enumerate(np.asarray(self.outcome).tolist(), 1):
+            word = Outcome(outcome).word
+            if outcome not in (Outcome.OK, Outcome.OVERDAMPED):
                 rows.append(Mode(k, None, None, None, None, None, word))
                 continue
             measured = (self.omega, self.Omega, self.tau, self.dV, self.dS)

@@ -10,7 +10,7 @@ spectral radius at infinity of choice. The gyroscopic force of the moving wall
 lies in the matrix: left explicit, it breaks the step at any length.
 
 A massless wall slides without inertia. Sliding finer than an element is given
-one, ε h⁴ ∮ |u''|² dA: without it the step would lose its grip on that sliding
+one, ε h⁴ ∮ |u''|² dA: without it the step would lose control of that sliding
 as it gets shorter; motions that the mesh resolves do not feel it.
 
 The rate of q that the method carries lags behind the true velocity by a
@@ -41,15 +41,15 @@ UNRESOLVED_BENDING = 1 / 6  # of ∮ h⁴ |u''|²: a motion with as much of it a
 SLIDING_INERTIA = 1e-4  # ε: 2e-6 of the liquid's inertia for mode 3, 5e-3 for the finest sliding, on 24 elements
 
 
-class Books(NamedTuple):
+class EnergyLedger(NamedTuple):
     """Energy since the start [E d R0²]: work of the outer pressure, and what each loss took.
 
-    `lent` is what the Stokes layer holds as motion of its own and may give back; `layer` what it dissipated.
+    `stored` is what the Stokes layer holds as motion of its own and may give back; `layer` what it dissipated.
     """
 
     work: Float[Array, ""]
     layer: Float[Array, ""]
-    lent: Float[Array, ""]
+    stored: Float[Array, ""]
     bulk: Float[Array, ""]
     wall: Float[Array, ""]
     drag: Float[Array, ""]
@@ -61,16 +61,16 @@ class Rates(NamedTuple):
     q: Float[Array, "coordinates"]
     momentum: Float[Array, "coordinates"]
     memory: Float[Array, "terms points"]
-    books: Books
+    ledger: EnergyLedger
 
 
 class State(NamedTuple):
-    """Where the motion is: position, momentum, the layer's memory, books; their rates; the last two stages."""
+    """Where the motion is: position, momentum, the layer's memory, ledger; their rates; the last two stages."""
 
     q: Float[Array, "coordinates"]
     momentum: Float[Array, "coordinates"]
     memory: Float[Array, "terms points"]
-    books: Books
+    ledger: EnergyLedger
     rates: Rates
     stage: Float[Array, "coordinates"]
     earlier_stage: Float[Array, "coordinates"]
@@ -88,9 +88,11 @@ def solid_mass(
     shape: Meridian, profile: Float[Array, "points"], thickness: Scalar, shell_density: Scalar
 ) -> Float[Array, "coordinates coordinates"]:
     """Mass of the wall itself, ρ_s d ∮ |u|² dA over the stress-free sphere, and the inertia of unresolved sliding."""
+    # the wall keeps its mass: it is weighed on the stress-free sphere, once for all shapes
     sphere = 2 * jnp.pi * shape.weights * jnp.sin(shape.angles)
     lengths = jnp.repeat(jnp.diff(shape.nodes), shape.angles.size // shape.elements)
     heavy = sphere * profile * thickness * shell_density
+    # h⁴: motions that the mesh resolves hardly feel it, and it vanishes as the mesh is refined
     fine = SLIDING_INERTIA * lengths**4 * sphere
     blocks = [
         (basis[0].T * heavy[None]) @ basis[0] + (basis[2].T * fine[None]) @ basis[2]
@@ -111,8 +113,10 @@ def resolved_motions(shape: Meridian) -> Float[Array, "coordinates coordinates"]
         parts = [(basis[order].T * weights[None]) @ basis[order] for basis in (shape.x_basis, shape.r_basis)]
         return jsl.block_diag(*parts) * moves[:, None] * moves[None]
 
+    # coordinates that are held have no motion: 1 on the diagonal keeps the matrix regular
     gram = blocks(0, shape.weights) + jnp.diag(1 - moves)
     bends = UNRESOLVED_BENDING * blocks(2, shape.weights * lengths**4)
+    # G + B G⁻¹ B filters with the eighth power of the wave number, symmetric in the energy of the motion
     return jnp.linalg.solve(gram + bends @ jnp.linalg.solve(gram, bends), gram)
 
 
@@ -123,47 +127,51 @@ def at_pressure(conditions: Reduced, pressure: Scalar) -> Reduced:
 
 def velocity(state: State, radius: float) -> Float[Array, "coordinates"]:
     """Velocity now, from the last two stages."""
+    # the last stage lies 1/(1 + radius) of a step after the start: extrapolate from the last two to the end
     ahead = 1 - 1 / (1 + radius)
     return state.stage + ahead * (state.stage - state.earlier_stage)
 
 
-def launch(
+def initialise(
     body: Body, q: Float[Array, "coordinates"], u: Float[Array, "coordinates"], pressure: Scalar, area: Area | str
 ) -> State:
     """The state of a shape that starts with a velocity under an outer pressure, its layer at rest before."""
     at_rest = jnp.zeros((body.layer.rates.size, body.shape.angles.size))
-    nothing = Books(*jnp.zeros(len(Books._fields)))
+    nothing = EnergyLedger(*jnp.zeros(len(EnergyLedger._fields)))
     return restart(body, q, u, at_rest, nothing, pressure, area)
 
 
-def restart(body: Body, q, u, memory, books: Books, pressure: Scalar, area: Area | str) -> State:
+def restart(body: Body, q, u, memory, ledger: EnergyLedger, pressure: Scalar, area: Area | str) -> State:
     """The state of a motion under way, all its rates computed afresh."""
     start = dense(body, q, u)
     loaded = at_pressure(body.conditions, pressure)
+    # the momentum is what is carried in time: M moves with the wall, and d(M u)/dt needs no derivative of u
     slope = jax.grad(lambda q: potential_energy(body.shape, q, body.wall, loaded, area))(q)
     w, p = start.W @ u, start.M @ u
     strain, fade = body.layer.weights[:, None], body.layer.rates[:, None]
+    # the layer resists the slip at once, and through what it remembers of earlier slip
     traction = body.layer.resistance * w + jnp.sum(strain * (w[None] - memory), axis=0)
     losses = start.B @ u + start.C @ u + start.drag * p
-    force = start.thrust - slope - losses - start.W.T @ (start.surface * traction)
+    force = start.kinetic_gradient - slope - losses - start.W.T @ (start.surface * traction)
     held = jnp.zeros_like(q).at[body.shape.active].set(1.0)
     power = _power(body, start.surface, w, memory, u @ start.B @ u, u @ start.C @ u, start.drag * (u @ p))
     rates = Rates(u, force * held, fade * (w[None] - memory), power)
-    return State(q, p, memory, books, rates, u, u)
+    return State(q, p, memory, ledger, rates, u, u)
 
 
-def _power(body: Body, surface, w, memory, bulk, wall, drag) -> Books:
+def _power(body: Body, surface, w, memory, bulk, wall, drag) -> EnergyLedger:
     """What the losses take per time; the pressure's work is booked from the volume itself."""
+    # each exponential of the memory is a spring and a dashpot in series: one stores energy, the other loses it
     left = w[None] - memory
     strain = body.layer.weights[:, None]
     layer = surface @ (body.layer.resistance * w**2 + jnp.sum(strain * left**2, axis=0))
-    lent = surface @ jnp.sum(strain * left * memory, axis=0)
-    return Books(jnp.zeros(()), layer, lent, bulk, wall, drag)
+    stored = surface @ jnp.sum(strain * left * memory, axis=0)
+    return EnergyLedger(jnp.zeros(()), layer, stored, bulk, wall, drag)
 
 
 class _Stage(NamedTuple):
     """Generalised-α at its stage y + old y' + new f: coefficients, position, extrapolated velocity, and the memory
-    y_k there but for the slip; the layer's `grip` on the slip and the `pull` of its memory.
+    y_k there but for the slip; the layer's `resistance` to the slip and the `traction` of its memory.
     """
 
     alpha_m: float
@@ -171,25 +179,28 @@ class _Stage(NamedTuple):
     new: Scalar
     q: Float[Array, "coordinates"]
     guess: Float[Array, "coordinates"]
-    push: Float[Array, "coordinates"]
+    predicted: Float[Array, "coordinates"]
     remembered: Float[Array, "terms points"]
-    grip: Scalar
-    pull: Float[Array, "points"]
+    resistance: Scalar
+    traction: Float[Array, "points"]
 
 
 def _stage(body: Body, state: State, step: Scalar, radius: float) -> _Stage:
+    # Jansen, Whiting and Hulbert: second order, with this spectral radius at infinite frequency
     alpha_m = (3 - radius) / (2 * (1 + radius))
     alpha_f = 1 / (1 + radius)
     gamma = 0.5 + alpha_m - alpha_f
     new, old = alpha_f * step * gamma / alpha_m, alpha_f * step * (1 - gamma / alpha_m)
+    # extrapolated from two stages, the guess is of second order: one Newton iteration then is enough
     guess = 2 * state.stage - state.earlier_stage
     q = state.q + old * state.rates.q + new * guess
-    push = state.momentum + old * state.rates.momentum
+    predicted = state.momentum + old * state.rates.momentum
     layer = body.layer
+    # each memory obeys its own linear equation: solve it for the slip of the stage, so that it adds no unknowns
     remembered = (state.memory + old * state.rates.memory) / (1 + new * layer.rates[:, None])
-    grip = layer.resistance + jnp.sum(layer.weights / (1 + new * layer.rates))
-    pull = jnp.sum(layer.weights[:, None] * remembered, axis=0)
-    return _Stage(alpha_m, gamma, new, q, guess, push, remembered, grip, pull)
+    resistance = layer.resistance + jnp.sum(layer.weights / (1 + new * layer.rates))
+    traction = jnp.sum(layer.weights[:, None] * remembered, axis=0)
+    return _Stage(alpha_m, gamma, new, q, guess, predicted, remembered, resistance, traction)
 
 
 class _Found(NamedTuple):
@@ -208,18 +219,22 @@ def _finish(body: Body, state: State, loads: Loads, step: Scalar, at: _Stage, fo
     """The state after a step, from what was found at its stage."""
     shape, u, w = body.shape, found.u, found.slip
     fade = body.layer.rates[:, None]
+    # the memories at the stage, now that its slip is known
     memory = at.remembered + (at.new * fade) / (1 + at.new * fade) * w[None]
     held = jnp.zeros_like(u).at[shape.active].set(1.0)
     power = _power(body, found.surface, w, memory, found.bulk, found.wall, found.drag)
-    stage = Rates(u, (found.momentum - at.push) / at.new * held, fade * (w[None] - memory), power)
+    # momentum = predicted + new · force: the force that was found, without computing it again
+    stage = Rates(u, (found.momentum - at.predicted) / at.new * held, fade * (w[None] - memory), power)
 
+    # the rates at the end follow from those at the start and at the stage, the values from both rates
     after = jax.tree.map(lambda before, at_stage: before + (at_stage - before) / at.alpha_m, state.rates, stage)
     moved = lambda value, before, now: value + step * ((1 - at.gamma) * before + at.gamma * now)  # noqa: E731
-    values = Rates(state.q, state.momentum, state.memory, state.books)
+    values = Rates(state.q, state.momentum, state.memory, state.ledger)
     values = jax.tree.map(moved, values, state.rates, after)
+    # work of the pressure on the volume truly swept, by the trapezium rule: energy then balances to second order
     swept = volume(shape, values.q) - volume(shape, state.q)
-    books = values.books._replace(work=values.books.work - (loads.start + loads.end) / 2 * swept)
-    return State(values.q, values.momentum, values.memory, books, after, u, state.stage)
+    ledger = values.ledger._replace(work=values.ledger.work - (loads.start + loads.end) / 2 * swept)
+    return State(values.q, values.momentum, values.memory, ledger, after, u, state.stage)
 
 
 def _force(body: Body, loads: Loads, area: Area | str):
@@ -232,17 +247,24 @@ def _step(body: Body, state: State, loads: Loads, step: Scalar, radius: float, a
     """One step with matrices; what its derivative needs comes along."""
     at = _stage(body, state, step, radius)
     q, guess, ones = at.q, at.guess, body.shape.active
+    # all matrices at the extrapolated stage: the only assembly of the step
     now = dense(body, q, guess)
     K = stiffness(body.shape, q, body.wall, at_pressure(body.conditions, loads.stage), area)
-    resistance = at.grip * ((now.W.T * now.surface[None]) @ now.W) + now.B + now.C + now.drag * now.M
+    # everything that resists a velocity: layer, bulk, wall, drag
+    resistance = at.resistance * ((now.W.T * now.surface[None]) @ now.W) + now.B + now.C + now.drag * now.M
+    # Newton's matrix of the momentum balance; T - Tᵀ is the gyroscopic force, stiff where a massless wall slides
     matrix = now.M + at.new * (now.T - now.T.T + resistance) + at.new**2 * K
-    forces = now.thrust - _force(body, loads, area)(q) - resistance @ guess + now.W.T @ (now.surface * at.pull)
-    excess = at.push + at.new * forces - now.M @ guess
+    forces = (
+        now.kinetic_gradient - _force(body, loads, area)(q) - resistance @ guess + now.W.T @ (now.surface * at.traction)
+    )
+    # what the guess leaves of the balance
+    excess = at.predicted + at.new * forces - now.M @ guess
     factors = jsl.lu_factor(matrix[ones][:, ones])
     correction = jnp.zeros_like(q).at[ones].set(jsl.lu_solve(factors, excess[ones]))
 
     u = guess + correction
     p = now.M @ u
+    # M has moved with the shape that the correction implies: its first-order change is T times the correction
     momentum = p + at.new * (now.T @ correction)
     found = _Found(u, momentum, now.W @ u, now.surface, u @ now.B @ u, u @ now.C @ u, now.drag * (u @ p))
     return _finish(body, state, loads, step, at, found), (correction, factors, now)
@@ -271,13 +293,14 @@ def _advance_derivative(primals, tangents):
         force = _force(body, loads, area)
         u = at.guess + correction
         y = now.potential(u)
-        momentum, turned = now.mass(u, y), now.turning(correction)
+        momentum, changed = now.mass(u, y), now.gyroscopic(correction)
         w, surface = now.slip(u, y), now.surface
         bulk, wall = now.bulk(u), now.solid(u)
-        losses = now.slip_transposed(surface * (at.grip * w - at.pull)).plus(momentum, now.drag)
-        p = now.on_wall(momentum.plus(turned, at.new))
-        left = at.push - p - at.new * (now.on_wall(losses) + bulk + wall)
-        left = left + at.new * (now.thrust - force(at.q) + now.turning_transposed(correction))
+        losses = now.slip_transposed(surface * (at.resistance * w - at.traction)).plus(momentum, now.drag)
+        p = now.on_wall(momentum.plus(changed, at.new))
+        # the same balance, by actions: no matrix has to be differentiated
+        left = at.predicted - p - at.new * (now.on_wall(losses) + bulk + wall)
+        left = left + at.new * (now.kinetic_gradient - force(at.q) + now.gyroscopic_transposed(correction))
         left = left - at.new**2 * jax.jvp(force, (at.q,), (correction,))[1]
 
         # zero, with the derivative of the solution: on it the matrices may act as they are

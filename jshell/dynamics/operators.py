@@ -17,10 +17,10 @@ from jaxtyping import Array, Float
 
 from jshell.contour import Meridian, poles, speed
 from jshell.dynamics.losses import Losses, drag_rate
-from jshell.flow import bulk_resistance, flow, second_resistance, slip_operator, turning
+from jshell.flow import bulk_resistance, flow, gyroscopic, second_resistance, slip_operator
+from jshell.flow.gyroscopic import gyroscopic_parts
 from jshell.flow.panels import Layers, flux_of, flux_operator, green_of, layers, single_layer_of
 from jshell.flow.second_order import AtWall, displaced_source, inverse_of, slip_splines, stresses
-from jshell.flow.turning import turned
 from jshell.flow.wall_motion import across_wall, across_wall_slope, along_wall, column, every_motion, one_motion
 from jshell.membrane import Wall, wall_resistance
 from jshell.membrane.viscous import wall_rates
@@ -47,15 +47,15 @@ class Body(NamedTuple):
 
 
 class Dense(NamedTuple):
-    """Matrices of a shape in motion: mass M, slip W, turning T, the liquid's loss B beside the layer's first order, the
-    wall's loss C; the inverse of 1/2 - D."""
+    """Matrices of a shape in motion: mass M, slip W, gyroscopic T = ∂(M u)/∂q, the liquid's loss B beside the layer's
+    first order, the wall's loss C; the inverse of 1/2 - D."""
 
     M: Matrix
     W: Float[Array, "points coordinates"]
     T: Matrix
     B: Matrix
     C: Matrix
-    thrust: Coordinates
+    kinetic_gradient: Coordinates
     surface: Points
     drag: Scalar
     inverse: Float[Array, "nodes nodes"]
@@ -65,9 +65,11 @@ def dense(body: Body, q: Coordinates, u: Coordinates) -> Dense:
     """Matrices of a shape q moving with velocity u."""
     shape = body.shape
     current = flow(shape, q)
+    # the wall slips past the potential flow: W takes the velocity of the wall to the slip at the Gauss points
     W = slip_operator(shape, current)
     curve = current.parts.curve
     surface = 2 * jnp.pi * shape.weights * curve.r * speed(curve)
+    # liquid, the layer's own mass on the slip, and the wall: one kinetic energy, one symmetric matrix
     M = current.mass + body.layer.mass * ((W.T * surface[None]) @ W) + body.solid
     inverse = inverse_of(current)
     none, viscosity = jnp.zeros_like(M), jnp.asarray(body.conditions.viscosity)
@@ -78,11 +80,13 @@ def dense(body: Body, q: Coordinates, u: Coordinates) -> Dense:
         B = viscosity * bulk_resistance(shape, current) if body.losses.bulk else none
     viscous = body.losses.wall
     C = none if viscous is None else wall_resistance(shape, q, body.wall, viscous)
+    # y and z freeze the boundary equation: the gradient of the kinetic energy then costs one adjoint, not a matrix
     y = current.potential @ u
     z = -inverse.T @ jax.grad(kinetic, argnums=3)(body, q, u, y)
+    # a law of drag acts on the speed of the buckling pole, like the source's Reynolds law
     drag = drag_rate(body.losses, poles(shape, u)[0], body.conditions.viscosity)
-    T = turning(shape, q, current, u)
-    return Dense(M, W, T, B, C, _thrust(body, q, u, y, z), surface, drag, inverse)
+    T = gyroscopic(shape, q, current, u)
+    return Dense(M, W, T, B, C, _kinetic_gradient(body, q, u, y, z), surface, drag, inverse)
 
 
 def kinetic(body: Body, q: Coordinates, u: Coordinates, y: Float[Array, "nodes"]) -> Float[Array, ""]:
@@ -96,10 +100,11 @@ def kinetic(body: Body, q: Coordinates, u: Coordinates, y: Float[Array, "nodes"]
     return bulk + jnp.pi * body.layer.mass * jnp.sum(shape.weights * curve.r * ds * slip**2)
 
 
-def _thrust(body: Body, q: Coordinates, u: Coordinates, y, z) -> Coordinates:
+def _kinetic_gradient(body: Body, q: Coordinates, u: Coordinates, y, z) -> Coordinates:
     """½ ∂(u·M u)/∂q: with y and an adjoint z of the boundary equation held, the gradient of one scalar."""
     shape = body.shape
 
+    # Lagrange's function: kinetic energy, and z times the boundary equation that y obeys
     def constrained(q):
         parts = layers(shape, q)
         return kinetic(body, q, u, y) + z @ (green_of(shape, parts, y) + single_layer_of(shape, parts, u))
@@ -142,11 +147,11 @@ class Free(NamedTuple):
         return drag_rate(self.body.losses, poles(self.body.shape, self.u)[0], self.body.conditions.viscosity)
 
     @property
-    def thrust(self) -> Coordinates:
+    def kinetic_gradient(self) -> Coordinates:
         """½ ∂(u·M u)/∂q."""
         y = self.potential(self.u)
         z = self._adjoint(jax.grad(kinetic, argnums=3)(self.body, self.q, self.u, y))
-        return _thrust(self.body, self.q, self.u, y, z)
+        return _kinetic_gradient(self.body, self.q, self.u, y, z)
 
     def potential(self, v: Coordinates) -> Float[Array, "nodes"]:
         """y = P v."""
@@ -154,12 +159,14 @@ class Free(NamedTuple):
 
     def _flow(self, load: Float[Array, "nodes"]) -> Float[Array, "nodes"]:
         """Potential of a single layer: one solve, and one Newton step with the held inverse for the derivative."""
+        # the value comes from the inverse that the step has made; the Newton step adds nothing to it but the derivative
         held = jax.lax.stop_gradient(-self.inverse @ load)
         return held - self.inverse @ (green_of(self.body.shape, self.parts, held) + load)
 
     def _adjoint(self, f: Float[Array, "nodes"]) -> Float[Array, "nodes"]:
         """z with (1/2 - D)ᵀ z = -f."""
         shape, parts = self.body.shape, self.parts
+        # the transpose of an action is as cheap as the action: the boundary matrix is never formed
         transposed = jax.linear_transpose(lambda y: green_of(shape, parts, y), f)
         held = jax.lax.stop_gradient(-self.inverse.T @ f)
         return held - self.inverse.T @ (transposed(held)[0] + f)
@@ -186,16 +193,17 @@ class Free(NamedTuple):
         (direct,) = jax.linear_transpose(lambda v: along_wall(curve, one_motion(shape, v))[:, 0], self.u)(f)
         return Through(direct, -shape.potential_basis[1].T @ (f / speed(curve)))
 
-    def turning(self, c: Coordinates) -> Through:
+    def gyroscopic(self, c: Coordinates) -> Through:
         """∂(M u)/∂q c."""
         shape, curve = self.body.shape, self.parts.curve
-        part = turned(shape, curve, self.potential(self.u), self.u, one_motion(shape, c))
+        # one displacement instead of all: a column of the matrix, not the matrix
+        part = gyroscopic_parts(shape, curve, self.potential(self.u), self.u, one_motion(shape, c))
         direct = flux_operator(shape, curve).T @ part.carried[:, 0] + part.held[:, 0]
         return Through(direct, shape.potential_basis[0].T @ part.source[:, 0])
 
-    def turning_transposed(self, c: Coordinates) -> Coordinates:
+    def gyroscopic_transposed(self, c: Coordinates) -> Coordinates:
         """(∂(M u)/∂q)ᵀ c."""
-        return jax.linear_transpose(self.turning, c)(Through(c, self.potential(c)))[0]
+        return jax.linear_transpose(self.gyroscopic, c)(Through(c, self.potential(c)))[0]
 
     def bulk(self, v: Coordinates) -> Coordinates:
         """What the liquid takes beside the layer's first order: its second, or the loss of a slipping wall's flow."""
@@ -203,10 +211,12 @@ class Free(NamedTuple):
             return jnp.zeros_like(v)
         shape, curve, ds = self.body.shape, self.parts.curve, speed(self.parts.curve)
         second, slope = self.body.losses.second, shape.potential_basis[1]
+        # what the mesh does not resolve would get a second order of the wrong sign: it is filtered on both sides
         v = self.body.resolved @ v if second else v
         y = self.potential(v)
         one, u_s = one_motion(shape, v), slope @ y / ds
         w = self.slip(v, y) if second else jnp.zeros_like(u_s)
+        # the motion at the wall as the stress law wants it: across, its slope, along, and the slip
         wall = AtWall(across_wall(curve, one), across_wall_slope(curve, one), column(u_s), column(w))
         on = AtWall(*(part[:, 0] for part in stresses(shape, curve, wall)))
         each = every_motion(shape)

@@ -34,12 +34,22 @@ from jshell.contour import (
 )
 from jshell.contour.splines import ParitySplines
 from jshell.dynamics.losses import Losses, layer
-from jshell.dynamics.motion import Body, Loads, State, advance, launch, resolved_motions, restart, solid_mass, velocity
-from jshell.dynamics.protocol import Pressure
+from jshell.dynamics.motion import (
+    Body,
+    Loads,
+    State,
+    advance,
+    initialise,
+    resolved_motions,
+    restart,
+    solid_mass,
+    velocity,
+)
 from jshell.errors import Outcome
 from jshell.membrane import elastic_energy, gas_energy, wall
 from jshell.membrane.energy import Area
 from jshell.membrane.equilibrium import CONTACT_GAP, DIMPLE_DEPTH
+from jshell.pressure import Pressure
 from jshell.shell.elasticity import Scalar
 from jshell.shell.parameters import Reduced
 from jshell.shell.rest import gas_pressure
@@ -164,7 +174,7 @@ def body_of(setup: Setup, shape: Meridian) -> Body:
 def begin(setup: Setup, q, u, pressure: Scalar) -> tuple[Progress, Float[Array, "channels"]]:
     """The beginning of a run, and its first sample."""
     body = body_of(setup, setup.shape)
-    state = launch(body, q, u, pressure, setup.area)
+    state = initialise(body, q, u, pressure, setup.area)
     never = jnp.asarray(jnp.inf)
     events = Events(never, never, never, never, jnp.asarray(1.0))
     progress = Progress(setup.shape.nodes, state, jnp.asarray(int(Outcome.OK)), events)
@@ -207,7 +217,7 @@ def _follow(setup: Setup, progress: Progress, pressure) -> tuple[Body, Progress]
         return ParitySplines(old.nodes, "odd", old.edge)(new.angles) @ odd
 
     memory = jax.vmap(remember)(state.memory) if state.memory.shape[0] else state.memory
-    state = restart(body, q, u, memory, state.books, pressure, setup.area)
+    state = restart(body, q, u, memory, state.ledger, pressure, setup.area)
     earlier = carry(progress.state.earlier_stage, old, new)
     state = state._replace(stage=carry(progress.state.stage, old, new), earlier_stage=earlier)
     return body, progress._replace(nodes=breaks, state=state)
@@ -275,7 +285,7 @@ def _sample(body: Body, state: State, pressure, energy: Area | str) -> Float[Arr
     V, slope = jax.value_and_grad(lambda q: volume(shape, q))(q)
     front, back = poles(shape, q)
     v_front, v_back = poles(shape, u)
-    books = state.books
+    ledger = state.ledger
     numbers = (
         V,
         area(shape, q),
@@ -291,11 +301,11 @@ def _sample(body: Body, state: State, pressure, energy: Area | str) -> Float[Arr
         state.momentum @ u / 2,
         elastic_energy(shape, q, body.wall, energy),
         gas_energy(V, body.conditions),
-        books.work,
-        books.layer,
-        books.lent,
-        books.bulk,
-        books.wall,
-        books.drag,
+        ledger.work,
+        ledger.layer,
+        ledger.stored,
+        ledger.bulk,
+        ledger.wall,
+        ledger.drag,
     )
     return jnp.stack([jnp.asarray(number) for number in numbers])

@@ -20,9 +20,8 @@ from jaxtyping import Array, Float
 
 from jshell.contour import WeakSpot, wall_profile
 from jshell.dynamics.checkpoint import Checkpoint
-from jshell.dynamics.ladder import Rung, climb
 from jshell.dynamics.losses import Losses
-from jshell.dynamics.protocol import Forced, Hold, Pressure, Ramp, Sampled
+from jshell.dynamics.refinement import Level, refine
 from jshell.dynamics.run import (
     CHANNELS,
     Pace,
@@ -41,6 +40,7 @@ from jshell.errors import BadShape, BadValue, Outcome
 from jshell.membrane import RestShape
 from jshell.membrane.energy import Area, check_area
 from jshell.membrane.rest import cached_meridian, raise_unless_ok, warn_of_asymmetry
+from jshell.pressure import Hold, Pressure, Ramp, Recorded, Sum
 from jshell.shell.elasticity import SPHERE_VOLUME, Scalar
 from jshell.shell.parameters import Number, Reduced, check
 from jshell.trace import Trace, Values
@@ -122,7 +122,7 @@ def simulate(
 
     Returns:
         A trace with the channels V, S, H, W, x_front, x_back, v_front, v_back, V_rate, P, P_ext, the energies
-        kinetic, elastic, gas, and the books: work (of the outer pressure), loss_layer, lent_layer, loss_bulk,
+        kinetic, elastic, gas, and the energy ledger: work (of the outer pressure), loss_layer, lent_layer, loss_bulk,
         loss_wall, loss_drag. kinetic + elastic + gas + losses - work stays constant. Its outcome is ok, contact
         or mesh. A run that ended early holds its samples up to the event (under `jit`: repeats the last good
         sample to the end, without derivative). Its settings say when a dimple formed, returned, became steady.
@@ -144,11 +144,11 @@ def simulate(
             remedy="Compare with a finer start yourself, or leave the tolerance out.",
         )
 
-    def at(rung: Rung) -> Trace:
-        options.update(elements=rung.elements, step=rung.step, throw=False)
+    def at(level: Level) -> Trace:
+        options.update(elements=level.elements, step=level.step, throw=False)
         return _run(conditions, shapes=False, **options)[0]
 
-    found = climb(at, volume_apart, tolerance)
+    found = refine(at, volume_apart, tolerance)
     trace: Trace = found.result  # type: ignore[assignment]
     settings = (*trace.settings, ("tolerance", repr(tolerance)), ("error_estimate", repr(found.error)))
     ended_well = int(trace.outcome) == Outcome.OK
@@ -220,7 +220,9 @@ def _run(
         spot = WeakSpot() if weak_spot is None else weak_spot
         shape = cached_meridian(elements, attached)
         profile, q = wall_profile(shape, spot), shape.sphere
-        steady = Ramp(conditions.gas_pressure, conditions.outer_pressure, jnp.asarray(ramp, dtype=float))
+        steady = Ramp(
+            start=conditions.gas_pressure, stop=conditions.outer_pressure, duration=jnp.asarray(ramp, dtype=float)
+        )
     else:
         spot, shape, profile, q = None, start.meridian, start.profile, start.coordinates
         steady = Hold(conditions.outer_pressure)
@@ -262,10 +264,10 @@ def _run(
 def _protocol(steady: Pressure, pressure, forcing) -> Pressure:
     """The outer pressure in time, from what the user gave."""
     if isinstance(pressure, tuple | list):
-        steady = Sampled(*(jnp.asarray(part, dtype=float) for part in pressure))
+        steady = Recorded(*(jnp.asarray(part, dtype=float) for part in pressure))
     elif pressure is not None:
         steady = pressure
-    return steady if forcing is None else Forced(steady, forcing)
+    return steady if forcing is None else Sum((steady, forcing))
 
 
 def _in_chunks(setup, began, ahead: Schedule, pace, checkpoint, report) -> tuple[Progress, Sample]:

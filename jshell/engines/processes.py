@@ -27,8 +27,8 @@ from typing import Any
 
 import jax
 
-from jshell.engines.quiet import LOGGING, quiet
 from jshell.errors import BadValue, WorkerLost
+from jshell.programs import LOGGING, quiet
 
 SETTINGS = (
     "jax_compilation_cache_dir",

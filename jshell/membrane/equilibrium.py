@@ -31,6 +31,7 @@ from jshell.contour import (
 from jshell.contour import (
     area as area_of,
 )
+from jshell.display import PRESSURE, ended, number, readable, shown
 from jshell.errors import Outcome
 from jshell.membrane.energy import elastic_energy, wall
 from jshell.membrane.newton import (
@@ -78,6 +79,19 @@ class RestShape(eqx.Module):
     difference: Float[Array, ""]
     elastic: Float[Array, ""]
 
+    @readable
+    def __repr__(self) -> str:
+        return shown(
+            self,
+            f"V/V0 {number(self.volume_ratio)}",
+            f"S/S0 {number(self.area_ratio)}",
+            f"inner pressure {number(self.pressure, PRESSURE)}",
+            f"outer pressure {number(self.outer_pressure, PRESSURE)}",
+            f"smallest stiffness {number(self.stability, 'E d')}",
+            f"{self.meridian.elements} elements",
+            ended(self.outcome),
+        )
+
     @property
     def volume_ratio(self) -> Float[Array, "..."]:
         return self.volume / SPHERE_VOLUME
@@ -102,6 +116,7 @@ def reworked(
     volume_ratio: Float[Array, ""] | None,
 ) -> RestShape:
     """A rest shape of a plain wall settled anew on other nodes, of a mesh like `base`."""
+    # the old shape, read off at the new nodes, is close enough for Newton to start from
     shape = regrade(base, breaks)
     start = transfer(found.coordinates, found.meridian, shape)
     profile = jnp.ones_like(shape.angles)
@@ -122,6 +137,7 @@ def settle(
     volume_ratio: Float[Array, ""] | None = None,
 ) -> RestShape:
     """Newton iteration from a start, and the measures of what it finds."""
+    # the iteration is not differentiated: `measured` puts the exact derivative on what it has found
     given = jax.lax.stop_gradient((shape, conditions, profile, start, volume_ratio))
     return measured(iterate(*given, branch, area), shape, conditions, profile, branch, area, volume_ratio)
 
@@ -138,15 +154,18 @@ def find(
 ) -> RestShape:
     """Rest shape from a seed, on even nodes or on nodes that follow the rim."""
     if not graded:
+        # even nodes serve the sphere, whose curvature is the same everywhere
         start = seed(shape, conditions, branch, volume_ratio)
         return settle(shape, conditions, thinned(shape, *spot), start, branch, area, volume_ratio)
 
+    # where the nodes go is a choice of discretisation: the shape must not depend on it, so it has no derivative
     fixed, ratio, at_spot = jax.lax.stop_gradient((conditions, volume_ratio, spot))
     like = shape_like(fixed, ratio)
 
     def follow(k, state):
         breaks, before, found = state
         now = regrade(before, breaks)
+        # the first solution begins at the mirrored cap, the second at the first one's shape on its own nodes
         start = jnp.where(k == 0, dimple(now, like, fixed.thickness), transfer(found.q, before, now))
         found = iterate(now, fixed, thinned(now, *at_spot), start, ratio, branch, area)
         return rim_breaks(now, found.q), now, found
@@ -162,8 +181,10 @@ def find(
 def shape_like(conditions: Reduced, volume_ratio: Float[Array, ""] | None) -> Float[Array, ""]:
     """V/V0 of the mirrored cap to start from."""
     if volume_ratio is None:
+        # on the plateau the wall bears about ΔP: what is left of the outer pressure is the gas, P0 (V0/V)^κ, hence V
         excess = conditions.outer_pressure - plateau_pressure(conditions.thickness, conditions.poisson_ratio)
         volume_ratio = jnp.asarray((conditions.gas_pressure / jnp.maximum(excess, 1e-6)) ** (1 / conditions.kappa))
+    # a cap too deep touches the far pole, one too shallow falls back to the sphere: either is no start
     least = jnp.where(conditions.thickness > THICK, 0.7, 0.3)
     return jnp.clip(volume_ratio, least, 0.97)
 
@@ -193,9 +214,11 @@ def iterate(shape, conditions, profile, start, volume_ratio, branch, area) -> Eq
 
     def let_down(k, state):
         q, p = state
+        # a stiff gas of the wanted volume holds the shape near it, and leaves it free otherwise
         soft = eqx.tree_at(lambda c: c.gas_pressure, conditions, pressures[k])
         loaded = eqx.tree_at(lambda c: c.outer_pressure, soft, gas_pressure(wanted, soft) + p)
         q = settle_under_pressure(shape, loaded, profile, q, True, area).q
+        # the difference that the wall bears at this shape corrects the load of the next, stiffer gas
         return q, loaded.outer_pressure - gas_pressure(volume(shape, q), soft)
 
     q, p = jax.lax.fori_loop(0, len(CUSHIONS), let_down, (start, plateau))
@@ -215,10 +238,12 @@ def measured(
     # q(c) = q* - K⁻¹ ∇U(q*, c), with q* and K frozen; at a volume ΔP is one more unknown
     shape = jax.lax.stop_gradient(shape)
     frozen, K, p, sound = jax.lax.stop_gradient((found.q, found.K, found.difference, found.converged))
+    # the residual where the iteration stopped: zero in value, its derivative by the conditions is what is wanted
     if volume_ratio is None:
         slope = shape.free(jax.grad(pinned_energy)(frozen, shape, conditions, profile, area))
     else:
         slope = residual_at_volume(frozen, p, shape, conditions, profile, volume_ratio * SPHERE_VOLUME, area)
+    # one Newton step with the frozen matrix: it moves q by rounding, and carries dq/dc = -K⁻¹ ∂²U/∂q∂c
     correction = jnp.where(sound, -jnp.linalg.solve(K, slope), 0.0)
     q = frozen.at[shape.active].add(correction[: shape.active.shape[0]])
 
@@ -227,6 +252,7 @@ def measured(
     difference = conditions.outer_pressure - P if volume_ratio is None else p + correction[-1]
     distance = gap(shape, q)
     sunk = height(shape, q) - distance
+    # later lines overrule earlier ones: touching poles are said whatever else holds
     outcome = jnp.where(sound, Outcome.OK, Outcome.NOT_CONVERGED)
     if branch == "buckled":
         outcome = jnp.where(sound & (sunk < DIMPLE_DEPTH), Outcome.NO_BUCKLED_STATE, outcome)

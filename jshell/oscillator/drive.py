@@ -9,40 +9,30 @@ Source     Mokbel et al. 2021: eq:Lag; scattered pressure ρ V̈/(4π r) of a so
 import math
 from typing import Any
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optimistix as optx
 from jax.core import Tracer
 from jaxtyping import Array, Float, Int
 
+from jshell import integrator
 from jshell.errors import BadShape, BadValue, NotOk, Outcome, choose
 from jshell.oscillator.coefficients import Coefficients
 from jshell.oscillator.drag import VISCOUS, Drag
-from jshell.oscillator.fixed import ENDINGS, MAD, march
-from jshell.oscillator.forcing import Forcing, Still
+from jshell.oscillator.fixed import DIVERGED, ENDINGS, march
 from jshell.oscillator.lagrangian import gas_energy, kinetic_energy, wall_energy
 from jshell.oscillator.motion import Driven, Motion, back_position, front_position, front_velocity
-from jshell.oscillator.simulate import ADJOINTS, is_buckled, is_uniform
+from jshell.oscillator.simulate import is_buckled, is_uniform
 from jshell.oscillator.unbuckling import unbuckling_volume
+from jshell.pressure import Pressure, Zero
 from jshell.shell.elasticity import SPHERE_VOLUME
 from jshell.shell.parameters import Reduced
 from jshell.shell.rest import RestState, buckled_state
 from jshell.trace import Trace, Values
 
 # Order of accuracy of each solver in fixed steps; rk4 is ours, the rest are diffrax's.
-ORDERS = {"rk4": 4, "euler": 1, "midpoint": 2, "heun": 2, "bosh3": 3, "tsit5": 5, "dopri5": 5, "dopri8": 8}
-_DIFFRAX = {
-    "euler": diffrax.Euler,
-    "midpoint": diffrax.Midpoint,
-    "heun": diffrax.Heun,
-    "bosh3": diffrax.Bosh3,
-    "tsit5": diffrax.Tsit5,
-    "dopri5": diffrax.Dopri5,
-    "dopri8": diffrax.Dopri8,
-}
+ORDERS = {"rk4": 4, **integrator.ORDERS}
 _ENDED = np.array([int(ending) for ending in ENDINGS] + [int(Outcome.NOT_CONVERGED), int(Outcome.OK)])
 
 
@@ -186,7 +176,7 @@ def _channels(response: Response) -> dict[str, Values]:
 def drive(
     conditions: Reduced,
     coefficients: Coefficients,
-    forcing: Forcing = Still(),
+    forcing: Pressure = Zero(),
     *,
     times: Values,
     drag: Drag = VISCOUS,
@@ -204,7 +194,7 @@ def drive(
     Args:
         conditions: The shell and its steady load.
         coefficients: Constants of the short model.
-        forcing: Added pressure [E d/R0], a function of time: one of `forcing`, or any callable.
+        forcing: Added pressure [E d/R0], a function of time: one of `jshell.pressure`, or any callable.
         times: (times,) increasing; evenly spaced for `rk4`.
         drag: What takes energy away.
         initial: (ΔV, ΔS, ΔV̇, ΔṠ) at the first time.
@@ -230,8 +220,8 @@ def drive(
         >>> from jshell import Reduced
         >>> from jshell.oscillator import SOURCE, Tone, drive
         >>> shell = Reduced(0.08, 0.9, 1.2, 0.004)
-        >>> heard = drive(shell, SOURCE, Tone(0.01, 0.8), times=np.linspace(0.0, 50.0, 101))
-        >>> print(int(heard.outcome), f"{float(np.max(heard.motion.V - heard.driven.state.volume)):.2f}")
+        >>> answer = drive(shell, SOURCE, Tone(0.01, 0.8), times=np.linspace(0.0, 50.0, 101))
+        >>> print(int(answer.outcome), f"{float(np.max(answer.motion.V - answer.driven.state.volume)):.2f}")
         0 0.13
     """
     choose("solver", solver, ORDERS)
@@ -270,7 +260,7 @@ def _run(
         motion, ended = run.motion, run.ended
         accepted = jnp.full(shape, (ts.size - 1) * substeps)
         rejected = jnp.zeros_like(accepted)
-        outcome = jnp.asarray(_ENDED)[jnp.where(run.ending < 0, MAD + 1, run.ending)]
+        outcome = jnp.asarray(_ENDED)[jnp.where(run.ending < 0, DIVERGED + 1, run.ending)]
         told = f"rk4, {substeps} steps a sample"
     else:
         motion, ended, outcome, accepted, rejected = _adaptive(driven, start, ts, solver, step, options, limit)
@@ -301,7 +291,7 @@ def batch_shape(driven: Driven, initial: Any, t: jax.Array) -> tuple[int, ...]:
 
 
 def _adaptive(driven: Driven, start: Motion, ts, solver: str, step, options: tuple[float, float, str], limit):
-    """One run by diffrax, its end located to the solver's accuracy."""
+    """One run by the integrator, its end located to the solver's accuracy."""
     if start.V.ndim:
         raise BadShape(
             "conditions",
@@ -313,30 +303,16 @@ def _adaptive(driven: Driven, start: Motion, ts, solver: str, step, options: tup
     leaves, tree = jax.tree.flatten(start)  # diffrax wants arrays only, and Motion has places that may be empty
     whole = lambda leaves: jax.tree.unflatten(tree, leaves)  # noqa: E731
     field = lambda t, y, args: jax.tree.leaves(driven.rate(t, whole(y)))  # noqa: E731
-    ends = [lambda t, y, args, k=k, **_: driven.margins(whole(y), limit)[k] for k in range(len(ENDINGS))]
-    controller = diffrax.ConstantStepSize() if step is not None else diffrax.PIDController(rtol=rtol, atol=atol)
-    solution = diffrax.diffeqsolve(
-        diffrax.ODETerm(field),
-        _DIFFRAX[solver](),
-        t0=ts[0],
-        t1=ts[-1],
-        dt0=step,
-        y0=leaves,
-        saveat=diffrax.SaveAt(subs=[diffrax.SubSaveAt(ts=ts), diffrax.SubSaveAt(t1=True)]),
-        stepsize_controller=controller,
-        event=diffrax.Event(ends, optx.Newton(1e-10, 1e-10, optx.rms_norm)),
-        max_steps=2**20 if step is not None else 2**16,
-        adjoint=ADJOINTS[adjoint](),
-        throw=False,
-    )
-    hit = jnp.stack([jnp.asarray(mask) for mask in jax.tree.leaves(solution.event_mask)])
-    any_hit = jnp.any(hit)
-    worked = (solution.result == diffrax.RESULTS.successful) | (solution.result == diffrax.RESULTS.event_occurred)
-    outcome = jnp.where(any_hit, jnp.asarray(_ENDED)[jnp.argmax(hit)], int(Outcome.OK))
-    outcome = jnp.where(worked, outcome, int(Outcome.NOT_CONVERGED))
-    ended = jnp.where(any_hit, solution.ts[1][-1], jnp.inf)  # pyright: ignore[reportOptionalSubscript]
-    motion = whole(solution.ys[0])  # pyright: ignore[reportOptionalSubscript]
-    counts = (jnp.asarray(solution.stats[name]) for name in ("num_accepted_steps", "num_rejected_steps"))
+    ends = [lambda t, y, args, k=k: driven.margins(whole(y), limit)[k] for k in range(len(ENDINGS))]
+    most = 2**20 if step is not None else 2**16
+    how = integrator.Options(rtol, atol, solver, step, adjoint, event_tolerance=1e-10, most_steps=most)
+    found = integrator.integrate(field, leaves, ts, how, margins=ends)
+    any_hit = jnp.any(found.hit)
+    outcome = jnp.where(any_hit, jnp.asarray(_ENDED)[jnp.argmax(found.hit)], int(Outcome.OK))
+    outcome = jnp.where(found.worked, outcome, int(Outcome.NOT_CONVERGED))
+    ended = jnp.where(any_hit, found.stop, jnp.inf)
+    motion = whole(found.samples)
+    counts = (jnp.asarray(found.accepted), jnp.asarray(found.rejected))
     return motion, ended, outcome, *counts
 
 

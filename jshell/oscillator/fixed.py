@@ -19,7 +19,7 @@ from jshell.oscillator.motion import Driven, Motion
 
 # How a motion can end, in the order of `Driven.margins`.
 ENDINGS = (Outcome.OUT_OF_RANGE, Outcome.CONTACT, Outcome.NO_BUCKLED_STATE, Outcome.NOT_CONVERGED)
-MAD = len(ENDINGS)  # index of a motion that left all numbers
+DIVERGED = len(ENDINGS)  # index of a motion that left all numbers
 
 
 class March(NamedTuple):
@@ -66,7 +66,7 @@ def march(driven: Driven, start: Motion, t0: Any, step: Any, samples: int, subst
         margins = jnp.stack(driven.margins(new, unbuckled))
         sound = jnp.all(jnp.stack([jnp.isfinite(leaf) for leaf in jax.tree.leaves(new)]), axis=0)
         crossed = ~sound | jnp.any(margins <= 0, axis=0)
-        which = jnp.where(sound, jnp.argmax(margins <= 0, axis=0), MAD)
+        which = jnp.where(sound, jnp.argmax(margins <= 0, axis=0), DIVERGED)
         alive = ending < 0
         kept = alive & ~crossed
         y = jax.tree.map(lambda new, old: jnp.where(kept, new, old), new, y)

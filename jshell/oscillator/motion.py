@@ -20,7 +20,6 @@ from jaxtyping import Array, Float
 
 from jshell.oscillator.coefficients import Coefficients
 from jshell.oscillator.drag import VISCOUS, Drag
-from jshell.oscillator.forcing import Forcing, Still
 from jshell.oscillator.lagrangian import (
     SMALLEST_AREA,
     dipole_moment,
@@ -31,6 +30,7 @@ from jshell.oscillator.lagrangian import (
     potential_energy,
     viscous_force,
 )
+from jshell.pressure import Pressure, Zero
 from jshell.shell.elasticity import SPHERE_AREA
 from jshell.shell.parameters import Reduced
 from jshell.shell.rest import RestState
@@ -80,7 +80,7 @@ class Driven(eqx.Module):
     coefficients: Coefficients
     state: RestState
     drag: Drag = VISCOUS
-    forcing: Forcing = Still()
+    forcing: Pressure = Zero()
     budget: bool = eqx.field(static=True, default=False)
 
     def begin(self, initial: Any = (0.0, 0.0, 0.0, 0.0)) -> Motion:

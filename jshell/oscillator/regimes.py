@@ -15,22 +15,22 @@ Source     Mokbel et al. 2021: section "Softening of buckled shells", eq:NRJsph;
 
 from typing import Any, NamedTuple
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 
+from jshell import integrator
 from jshell.errors import Outcome, choose
 from jshell.oscillator.coefficients import Coefficients
 from jshell.oscillator.drag import VISCOUS, Drag
 from jshell.oscillator.drive import _as_arrays, _needs_viscosity, _spacing
 from jshell.oscillator.fixed import ENDINGS
-from jshell.oscillator.forcing import Forcing
 from jshell.oscillator.motion import Driven
 from jshell.oscillator.simulate import is_buckled
 from jshell.oscillator.unbuckling import borne, unbuckling_volume
+from jshell.pressure import Pressure
 from jshell.shell.breathing import radial_acceleration
 from jshell.shell.elasticity import SPHERE_AREA, SPHERE_VOLUME, moduli
 from jshell.shell.parameters import Reduced
@@ -60,7 +60,7 @@ class Thresholds(NamedTuple):
     unbuckling_volume: float
 
 
-class Passage(eqx.Module):
+class Trajectory(eqx.Module):
     """How a shell followed its pressure.
 
     Attributes:
@@ -94,10 +94,10 @@ def thresholds(conditions: Reduced, coefficients: Coefficients, equilibrium: Res
     return Thresholds(float(load), float(V_b), float(out), float(V_u))
 
 
-def follow(
+def simulate_regimes(
     conditions: Reduced,
     coefficients: Coefficients,
-    forcing: Forcing,
+    forcing: Pressure,
     *,
     times: Any,
     drag: Drag = VISCOUS,
@@ -105,7 +105,7 @@ def follow(
     equilibrium: RestState | None = None,
     rtol: float = 1e-9,
     atol: float = 1e-11,
-) -> Passage:
+) -> Trajectory:
     """The motion of a shell that may buckle and unbuckle.
 
     Args:
@@ -121,7 +121,7 @@ def follow(
         rtol, atol: Tolerances of the adaptive solver.
 
     Returns:
-        The passage. After an end by flattening (out_of_range), emptying (contact) or too many switches
+        The trajectory. After an end by flattening (out_of_range), emptying (contact) or too many switches
         (not_converged) the samples are NaN.
 
     Raises:
@@ -173,7 +173,7 @@ def follow(
     channels: dict[str, Values] = {"V": rows[:, 0], "S": rows[:, 1], "P_ext": outer, "buckled": rows[:, 4]}
     settings = (("model", "oscillator, both states"), ("solver", f"dopri8, rtol {rtol:g}, atol {atol:g}"))
     trace = Trace(np.asarray(ts), channels, conditions, outcome=int(outcome), settings=settings)
-    return Passage(trace, tuple(switches), at, outcome, accepted, rejected)
+    return Trajectory(trace, tuple(switches), at, outcome, accepted, rejected)
 
 
 def _first_state(driven: Driven, regime: int, outer: float) -> tuple[jax.Array, ...]:
@@ -243,26 +243,11 @@ def _segment(driven: Driven, y: Any, now: jax.Array, ts: jax.Array, ends: Any, r
     whole = lambda leaves: jax.tree.unflatten(tree, leaves)  # noqa: E731
     if regime == SPHERE:
         field = lambda t, y, args: _sphere_rate(driven, t, y)  # noqa: E731
-        margins = [lambda t, y, args, **_: y[0] - buckling]
+        margins = [lambda t, y, args: y[0] - buckling]
     else:
         field = lambda t, y, args: jax.tree.leaves(driven.rate(t, whole(y)))  # noqa: E731
-        margins = [lambda t, y, args, k=k, **_: driven.margins(whole(y), unbuckling)[k] for k in range(len(ENDINGS))]
-    solution = diffrax.diffeqsolve(
-        diffrax.ODETerm(field),
-        diffrax.Dopri8(),
-        t0=now,
-        t1=ts[-1],
-        dt0=None,
-        y0=list(y),
-        saveat=diffrax.SaveAt(subs=[diffrax.SubSaveAt(ts=jnp.maximum(ts, now)), diffrax.SubSaveAt(t1=True)]),
-        stepsize_controller=diffrax.PIDController(rtol=options[0], atol=options[1]),
-        event=diffrax.Event(margins, optx.Newton(1e-11, 1e-11, optx.rms_norm)),
-        max_steps=2**20,
-        throw=False,
-    )
-    samples, last = solution.ys  # pyright: ignore[reportGeneralTypeIssues]
-    hit = jnp.stack([jnp.asarray(mask) for mask in jax.tree.leaves(solution.event_mask)])
-    worked = (solution.result == diffrax.RESULTS.successful) | (solution.result == diffrax.RESULTS.event_occurred)
-    stop = jnp.where(jnp.any(hit), solution.ts[1][-1], ts[-1])  # pyright: ignore[reportOptionalSubscript]
-    steps = (solution.stats["num_accepted_steps"], solution.stats["num_rejected_steps"])
-    return jnp.stack(samples[:4]), [part[-1] for part in last], stop, hit, worked, steps
+        margins = [lambda t, y, args, k=k: driven.margins(whole(y), unbuckling)[k] for k in range(len(ENDINGS))]
+    how = integrator.Options(*options, most_steps=2**20)
+    found = integrator.integrate(field, list(y), ts, how, begin=now, margins=margins)
+    steps = (found.accepted, found.rejected)
+    return jnp.stack(found.samples[:4]), found.last, found.stop, found.hit, found.worked, steps

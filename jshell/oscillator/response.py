@@ -1,11 +1,11 @@
 """Steady answers to a tone: response curves and bifurcation diagrams.
 
-A response curve follows one periodic orbit through the drive's pulsations, by
+A response curve follows one periodic orbit through the drive's angular frequencies, by
 Newton on the map of one period; the eigenvalues of that map say whether the
 orbit is stable. A bifurcation diagram lets many amplitudes run at once and
 looks at them once a period.
 
-Symbols    ω pulsation of the drive [1/time]   A amplitude [E d/R0]   ΔV volume from rest [R0³]
+Symbols    ω angular frequency of the drive [1/time]   A amplitude [E d/R0]   ΔV volume from rest [R0³]
 Valid for  a shell that stays buckled; lanes that leave that state say so
 Source     shooting: Nayfeh & Balachandran 1995, chapter 3
 """
@@ -23,12 +23,13 @@ from jshell.errors import BadValue, Outcome
 from jshell.oscillator.coefficients import Coefficients
 from jshell.oscillator.drag import VISCOUS, Drag
 from jshell.oscillator.drive import _ENDED, _as_arrays
-from jshell.oscillator.fixed import MAD, march, rk4
-from jshell.oscillator.forcing import Tone
+from jshell.oscillator.fixed import DIVERGED, march, rk4
 from jshell.oscillator.linear import matrices
 from jshell.oscillator.motion import Driven
 from jshell.oscillator.simulate import is_buckled
 from jshell.oscillator.unbuckling import unbuckling_volume
+from jshell.pressure import Tone
+from jshell.renamed import renamed_arguments, renamed_attribute
 from jshell.shell.parameters import Reduced
 from jshell.shell.rest import RestState, buckled_state
 
@@ -55,11 +56,12 @@ class Bifurcation(eqx.Module):
     period: Int[Array, " lanes"]
 
 
+@renamed_arguments(pulsation="angular_frequency")
 def bifurcation(
     conditions: Reduced,
     coefficients: Coefficients,
     amplitudes: Any,
-    pulsation: float,
+    angular_frequency: float,
     *,
     periods: int = 200,
     keep: int = 50,
@@ -73,7 +75,7 @@ def bifurcation(
         conditions: The shell and its steady load.
         coefficients: Constants of the short model.
         amplitudes: (lanes,) of the tone [E d/R0].
-        pulsation: Of the tone [1/time].
+        angular_frequency: Of the tone [1/time].
         periods: How long each runs.
         keep: Periods kept at the end.
         steps: Fixed steps a period.
@@ -93,20 +95,20 @@ def bifurcation(
         )
     state = buckled_state(conditions) if equilibrium is None else equilibrium
     given = _as_arrays((conditions, coefficients, state, drag))
-    return _strobe(given, A, jnp.asarray(pulsation, float), periods, keep, steps)
+    return _strobe(given, A, jnp.asarray(angular_frequency, float), periods, keep, steps)
 
 
 @eqx.filter_jit
-def _strobe(given: Any, A: jax.Array, pulsation: jax.Array, periods: int, keep: int, steps: int) -> Bifurcation:
+def _strobe(given: Any, A: jax.Array, angular_frequency: jax.Array, periods: int, keep: int, steps: int) -> Bifurcation:
     conditions, coefficients, state, drag = given
     state = RestState(*state)
-    driven = Driven(conditions, coefficients, state, drag, Tone(A, pulsation))
+    driven = Driven(conditions, coefficients, state, drag, Tone(A, angular_frequency))
     start = jax.tree.map(lambda part: jnp.broadcast_to(part, A.shape), driven.begin())
-    step = 2 * jnp.pi / pulsation / steps
+    step = 2 * jnp.pi / angular_frequency / steps
     run = march(
         driven, start, jnp.asarray(0.0), step, periods, steps, unbuckling_volume(conditions, coefficients, state)
     )
-    outcome = jnp.asarray(_ENDED)[jnp.where(run.ending < 0, MAD + 1, run.ending)]
+    outcome = jnp.asarray(_ENDED)[jnp.where(run.ending < 0, DIVERGED + 1, run.ending)]
     outcome = jnp.where(is_buckled(state), outcome, int(Outcome.NO_BUCKLED_STATE))
     alive = run.ending < 0
     volume = jnp.where(alive, run.motion.V[-keep:] - state.volume, jnp.nan)
@@ -125,10 +127,10 @@ def _period_of(volume: Float[Array, "kept lanes"]) -> Int[Array, " lanes"]:
 
 
 class ResponseCurve(eqx.Module):
-    """Periodic orbits along a sweep of the pulsation.
+    """Periodic orbits along a sweep of the angular frequency.
 
     Attributes:
-        pulsations: (points,) in the order of the sweep.
+        angular_frequencies: (points,) in the order of the sweep.
         volume: (points, samples) ΔV over one period.
         harmonics: (points, orders) amplitudes of ΔV at 0 (mean), 1, 2, 3 times the drive.
         scattered: (points, orders) the same of the scattered pressure times distance, V̈/4π.
@@ -137,7 +139,7 @@ class ResponseCurve(eqx.Module):
         drive: Amplitude of the tone.
     """
 
-    pulsations: Float[Array, " points"]
+    angular_frequencies: Float[Array, " points"]
     volume: Float[Array, "points samples"]
     harmonics: Float[Array, "points 4"]
     scattered: Float[Array, "points 4"]
@@ -150,18 +152,21 @@ class ResponseCurve(eqx.Module):
         """Half the distance between highest and lowest volume."""
         return (jnp.max(self.volume, axis=1) - jnp.min(self.volume, axis=1)) / 2
 
+    pulsations = renamed_attribute("pulsations", "angular_frequencies")
 
+
+@renamed_arguments(pulsations="angular_frequencies")
 def response_curve(
     conditions: Reduced,
     coefficients: Coefficients,
     amplitude: float,
-    pulsations: Any,
+    angular_frequencies: Any,
     *,
     drag: Drag = VISCOUS,
     steps: int = STEPS,
     equilibrium: RestState | None = None,
 ) -> ResponseCurve:
-    """The periodic answer to a tone, followed through its pulsations in the order given.
+    """The periodic answer to a tone, followed through its angular frequencies in the order given.
 
     Each orbit starts from the one before, the first from the linear answer; so
     sweeps up and down part where the answer folds.
@@ -170,25 +175,27 @@ def response_curve(
         conditions: The shell and its steady load.
         coefficients: Constants of the short model.
         amplitude: Of the tone [E d/R0].
-        pulsations: (points,) of the tone [1/time].
+        angular_frequencies: (points,) of the tone [1/time].
         drag: What takes energy away.
         steps: Fixed steps a period.
         equilibrium: Rest state; None takes it from the plateau law.
     """
-    w = jnp.asarray(pulsations, dtype=float)
+    w = jnp.asarray(angular_frequencies, dtype=float)
     if w.ndim != 1 or not np.all(np.asarray(w) > 0):
-        raise BadValue("pulsations", found="not a list above 0", expected="(points,) above 0", remedy="Check them.")
+        raise BadValue(
+            "angular_frequencies", found="not a list above 0", expected="(points,) above 0", remedy="Check them."
+        )
     state = buckled_state(conditions) if equilibrium is None else equilibrium
     given = _as_arrays((conditions, coefficients, state, drag))
     return _sweep(given, jnp.asarray(amplitude, float), w, steps)
 
 
 @eqx.filter_jit
-def _sweep(given: Any, amplitude: jax.Array, pulsations: jax.Array, steps: int) -> ResponseCurve:
+def _sweep(given: Any, amplitude: jax.Array, angular_frequencies: jax.Array, steps: int) -> ResponseCurve:
     conditions, coefficients, state, drag = given
     state = RestState(*state)
     whole = lambda w: Driven(conditions, coefficients, state, drag, Tone(amplitude, w))  # noqa: E731
-    rest, unravel = ravel_pytree(whole(pulsations[0]).begin())
+    rest, unravel = ravel_pytree(whole(angular_frequencies[0]).begin())
     limit = unbuckling_volume(conditions, coefficients, state)
 
     def period(y: jax.Array, w: jax.Array) -> tuple[jax.Array, jax.Array]:
@@ -222,16 +229,18 @@ def _sweep(given: Any, amplitude: jax.Array, pulsations: jax.Array, steps: int) 
         return next_start, (orbit[:, 0], jnp.abs(lines), size, closed, inside)
 
     system = matrices(coefficients, state, conditions)
-    s = 1j * pulsations[0]
+    s = 1j * angular_frequencies[0]
     push = jnp.array([-amplitude, 0.0]) / 1j + 0j  # p = A sin ωt is the imaginary part; V feels -p
     linear = jnp.linalg.solve(system.stiffness + s * system.damping + s**2 * system.mass, push * 1j)
     start = rest.at[:2].add(jnp.imag(linear)).at[2:4].add(jnp.imag(s * linear))
-    _, (volume, lines, size, closed, inside) = jax.lax.scan(follow, start, pulsations)
+    _, (volume, lines, size, closed, inside) = jax.lax.scan(follow, start, angular_frequencies)
     scattered = lines[..., 1] / (4 * jnp.pi)
     outcome = jnp.where(inside, int(Outcome.OK), int(Outcome.NO_BUCKLED_STATE))
     outcome = jnp.where(closed, outcome, int(Outcome.NOT_CONVERGED))
     hide = lambda part: jnp.where(closed.reshape(-1, *(1,) * (part.ndim - 1)), part, jnp.nan)  # noqa: E731
-    return ResponseCurve(pulsations, hide(volume), hide(lines[..., 0]), hide(scattered), hide(size), outcome, amplitude)
+    return ResponseCurve(
+        angular_frequencies, hide(volume), hide(lines[..., 0]), hide(scattered), hide(size), outcome, amplitude
+    )
 
 
 def _value_and_slopes(function: Any, at: jax.Array) -> tuple[jax.Array, jax.Array]:

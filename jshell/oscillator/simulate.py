@@ -7,7 +7,6 @@ Source     Mokbel et al. 2021: eq:eqmovadimV, eq:eqmovadimS, eq:defw, eq:limstab
 
 from collections.abc import Callable
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -15,6 +14,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float, Int
 
+from jshell import integrator
 from jshell.errors import BadName, BadShape, BadValue, Outcome, choose
 from jshell.oscillator.coefficients import Coefficients
 from jshell.oscillator.lagrangian import acceleration
@@ -35,21 +35,20 @@ from jshell.trace import Trace, Values
 SOLVERS = ("exact", "diffrax")
 MODELS = ("linear", "nonlinear")
 LAWS: dict[str, Callable[[Reduced], RestState]] = {"coupier2019": buckled_state}
-ADJOINTS = {"reverse": diffrax.RecursiveCheckpointAdjoint, "forward": diffrax.ForwardMode}
 
 
 class Frequencies(eqx.Module):
     """What the short model says of a shell at a load.
 
     Attributes:
-        omega_minus: Slow pulsation [sqrt(E d/(ρ_f R0³))]; NaN where the slow mode is unstable.
-        omega_plus: Fast pulsation.
+        omega_minus: Slow angular frequency [sqrt(E d/(ρ_f R0³))]; NaN where the slow mode is unstable.
+        omega_plus: Fast angular frequency.
         volume: Volume at rest [R0³].
         pressure: Inner pressure at rest [E d/R0].
         stability_margin: 1 at the limit of eq:limstab, above it the slow mode is stable.
         stable: Whether the slow mode oscillates.
-        omega_sphere: Pulsation of the sphere under the same load, had it not buckled (eq:wsphere).
-        omega_marmottant: Pulsation of a bubble at the outer pressure.
+        omega_sphere: Angular frequency of the sphere under the same load, had it not buckled (eq:wsphere).
+        omega_marmottant: Angular frequency of a bubble at the outer pressure.
         outcome: An integer of `Outcome`: no_buckled_state; out_of_range where the slow mode is unstable.
     """
 
@@ -156,7 +155,7 @@ def simulate(
     """
     choose("solver", solver, SOLVERS)
     choose("model", model, MODELS)
-    choose("adjoint", adjoint, ADJOINTS)
+    choose("adjoint", adjoint, integrator.ADJOINTS)
     if model == "nonlinear" and solver == "exact":
         raise BadName(
             "solver 'exact'",
@@ -221,21 +220,9 @@ def integrate(
 ) -> tuple[jax.Array, jax.Array]:
     """Adaptive integration from the first time through all; whether it reached the last."""
     rtol, atol, adjoint = options
-    solution = diffrax.diffeqsolve(
-        diffrax.ODETerm(field),
-        diffrax.Dopri8(),  # its dense output is of order 7: Tsit5's, of order 4, would limit the accuracy
-        t0=times[0],
-        t1=times[-1],
-        dt0=None,
-        y0=start,
-        args=args,
-        saveat=diffrax.SaveAt(ts=times),
-        stepsize_controller=diffrax.PIDController(rtol=rtol, atol=atol),
-        adjoint=ADJOINTS[adjoint](),
-        max_steps=65536,
-        throw=False,
-    )
-    return jnp.asarray(solution.ys), solution.result == diffrax.RESULTS.successful
+    how = integrator.Options(rtol, atol, adjoint=adjoint)
+    found = integrator.integrate(field, start, times, how, args=args)
+    return jnp.asarray(found.samples), found.worked
 
 
 def _nonlinear_field(t, moved, args):

@@ -4,7 +4,7 @@ The short model and the simulator never see each other; this is where one can
 be laid beside the other. Where a third mode takes a good part of the volume's
 motion, two variables are no longer enough.
 
-Symbols    ω pulsation [sqrt(E d/(ρ_f R0³))]   τ decay time [sqrt(ρ_f R0³/(E d))]   P̂ext outer pressure [E d/R0]
+Symbols    ω angular frequency [sqrt(E d/(ρ_f R0³))]   τ decay time [sqrt(ρ_f R0³/(E d))]   P̂ext outer pressure [E d/R0]
 Valid for  ν = 1/2, κ = 1.4, a free shell; ω of `SimulatedModes` in an inviscid liquid, τ in the exact viscous one
 Source     data/modes/make_modes.py, which runs jshell.dynamics.modes
 """
@@ -28,7 +28,7 @@ class SimulatedModes:
         thickness, gas_pressure, outer_pressure: (shells,) d̂, P̂0, P̂ext.
         load_ratio: (shells,) outer pressure over the classical buckling load.
         volume_ratio: (shells,) V/V0 at rest.
-        omega: (shells, 4) undamped pulsations, slow ones first.
+        omega: (shells, 4) undamped angular frequencies, slow ones first.
         share: (shells, 4) dV²/Σ dV² over the four: what each takes of a sudden pressure.
         tau: (shells, 4) decay times in a liquid of η̂ = 0.004; NaN where a mode does not oscillate there.
     """

@@ -1,6 +1,6 @@
 """How much slower a shell rings once it has buckled.
 
-Symbols    P̂ext outer pressure [E d/R0]   ω±  pulsations of the buckled shell, ω_sph of the sphere
+Symbols    P̂ext outer pressure [E d/R0]   ω±  angular frequencies of the buckled shell, ω_sph of the sphere
 Valid for  as the plateau law and the linear model say
 Source     Mokbel et al. 2021: fig:soft, section "Softening of buckled shells"; Marmottant et al. 2005
 """
@@ -21,7 +21,7 @@ from jshell.shell.sphere import buckling_load, marmottant_frequency, sphere_freq
 
 
 class Drop(eqx.Module):
-    """The sphere's pulsation just before buckling over others just after: the source's measure of softening.
+    """The sphere's angular frequency just before buckling over others just after: the source's measure of softening.
 
     Attributes:
         load: Outer pressure at which the shell buckles [E d/R0]; NaN where it never does.
@@ -37,12 +37,12 @@ class Drop(eqx.Module):
 
 
 class Crossing(eqx.Module):
-    """Pulsations over the outer pressure, relative to the stress-free sphere's.
+    """Angular frequencies over the outer pressure, relative to the stress-free sphere's.
 
     Attributes:
         pressures: (loads,) [E d/R0].
         load: Where the shell buckles.
-        unit: Pulsation of the stress-free sphere [sqrt(E d/(ρ_f R0³))].
+        unit: Angular frequency of the stress-free sphere [sqrt(E d/(ρ_f R0³))].
         sphere: (loads,) of the sphere; NaN beyond buckling.
         slow, fast: (loads,) of the buckled shell; NaN below.
         marmottant: (loads,) Marmottant's buckled law; NaN below.
@@ -59,7 +59,7 @@ class Crossing(eqx.Module):
 
 @eqx.filter_jit
 def softening(thickness: Any, gas_pressure: Any, coefficients: Coefficients) -> Drop:
-    """How far the pulsations fall at the buckling threshold.
+    """How far the angular frequencies fall at the buckling threshold.
 
     Args:
         thickness: d̂, any shape.
@@ -91,7 +91,7 @@ def softening(thickness: Any, gas_pressure: Any, coefficients: Coefficients) -> 
 
 @eqx.filter_jit
 def crossing(thickness: Number, gas_pressure: Number, coefficients: Coefficients, pressures: Any) -> Crossing:
-    """Pulsations of one shell as the outer pressure crosses buckling.
+    """Angular frequencies of one shell as the outer pressure crosses buckling.
 
     Args:
         thickness: d̂.

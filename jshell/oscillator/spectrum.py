@@ -1,6 +1,6 @@
 """What is in an answer: its spectrum, harmonics and subharmonics.
 
-Symbols    ω pulsation [1/time]   order n: a tone at n ω; 1/2 is the subharmonic
+Symbols    ω angular frequency [1/time]   order n: a tone at n ω; 1/2 is the subharmonic
 Valid for  evenly spaced samples; harmonics: a steady answer
 """
 
@@ -10,6 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jshell.errors import BadValue
+from jshell.renamed import renamed_arguments, renamed_attribute
 from jshell.shell.parameters import Number
 
 ORDERS = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
@@ -17,15 +18,17 @@ Samples = Float[Array, "times *batch"]
 
 
 class Spectrum(NamedTuple):
-    """Amplitudes over pulsations: a pure tone of amplitude 1 shows as 1 at its peak.
+    """Amplitudes over angular frequencies: a pure tone of amplitude 1 shows as 1 at its peak.
 
     Attributes:
-        pulsation: (bins,) [1/time].
+        angular_frequency: (bins,) [1/time].
         amplitude: (bins, *batch).
     """
 
-    pulsation: Float[Array, " bins"]
+    angular_frequency: Float[Array, " bins"]
     amplitude: Float[Array, "bins *batch"]
+
+    pulsation = renamed_attribute("pulsation", "angular_frequency")
 
 
 def spectrum(times: Float[Array, " times"], values: Samples, *, skip: Number = 0.0, finer: int = 1) -> Spectrum:
@@ -44,14 +47,15 @@ def spectrum(times: Float[Array, " times"], values: Samples, *, skip: Number = 0
     window = jnp.sin(jnp.pi * (jnp.arange(t.size) + 0.5) / t.size) ** 2
     shaped = window.reshape(-1, *(1,) * (x.ndim - 1))
     x = x - jnp.sum(shaped * x, axis=0) / jnp.sum(window)
-    pulsation = 2 * jnp.pi * jnp.fft.rfftfreq(finer * t.size, (t[-1] - t[0]) / (t.size - 1))
-    return Spectrum(pulsation, 2 * jnp.abs(jnp.fft.rfft(shaped * x, finer * t.size, axis=0)) / jnp.sum(window))
+    angular_frequency = 2 * jnp.pi * jnp.fft.rfftfreq(finer * t.size, (t[-1] - t[0]) / (t.size - 1))
+    return Spectrum(angular_frequency, 2 * jnp.abs(jnp.fft.rfft(shaped * x, finer * t.size, axis=0)) / jnp.sum(window))
 
 
+@renamed_arguments(pulsation="angular_frequency")
 def harmonics(
     times: Float[Array, " times"],
     values: Samples,
-    pulsation: Number,
+    angular_frequency: Number,
     orders: tuple[float, ...] = ORDERS,
 ) -> Float[Array, "orders *batch"]:
     """Amplitudes of a steady answer at multiples of the drive, by linear least squares.
@@ -59,10 +63,10 @@ def harmonics(
     Args:
         times: Spanning at least two periods of the drive, so that the subharmonic fits in.
         values: Samples on the first axis.
-        pulsation: Of the drive.
+        angular_frequency: Of the drive.
         orders: Which multiples.
     """
-    angle = pulsation * times[:, None] * jnp.asarray(orders)[None]
+    angle = angular_frequency * times[:, None] * jnp.asarray(orders)[None]
     basis = jnp.concatenate([jnp.ones((times.size, 1)), jnp.cos(angle), jnp.sin(angle)], axis=1)
     flat = values.reshape(times.size, -1)
     found = jnp.linalg.lstsq(basis, flat)[0]

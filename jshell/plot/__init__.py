@@ -20,10 +20,12 @@ from jshell.plot.fits import profiles, trace_fit
 from jshell.plot.frequencies import master_curve
 from jshell.plot.shapes import mode_shape, rest_shape
 from jshell.plot.style import new_figure, save, style
-from jshell.plot.traces import channel, heard
+from jshell.plot.traces import channel, identified_modes
+from jshell.renamed import renamed
 
 __all__ = [
-    "animate", "branches", "channel", "deflation", "demo", "film", "filmstrip", "fits", "frequencies", "heard",
-    "master_curve", "mode_shape", "moments", "new_figure", "overview", "paper", "paper_numbers", "profiles", "response",
-    "rest_shape", "save", "sensitivity", "shapes", "snapshot", "style", "trace_fit", "traces",
+    "animate", "branches", "channel", "deflation", "demo", "film", "filmstrip", "fits", "frequencies",
+    "identified_modes", "master_curve", "mode_shape", "moments", "new_figure", "overview", "paper", "paper_numbers",
+    "profiles", "response", "rest_shape", "save", "sensitivity", "shapes", "snapshot", "style", "trace_fit", "traces",
 ]  # fmt: skip
+__getattr__ = renamed(__name__, {"heard": "identified_modes"})

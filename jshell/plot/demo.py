@@ -10,7 +10,7 @@ from jshell.membrane import RestShape
 from jshell.plot.frequencies import master_curve
 from jshell.plot.shapes import mode_shape, rest_shape
 from jshell.plot.style import PAGE, Figure, new_figure, style
-from jshell.plot.traces import SPHERE, channel, heard
+from jshell.plot.traces import SPHERE, channel, identified_modes
 from jshell.signals import Signature
 from jshell.trace import Trace
 
@@ -28,18 +28,18 @@ def overview(
     recording: Trace,
     recording_signature: Signature,
 ) -> Figure:
-    """One page of a shell: (a) at rest, (b) its two modes, (c) its snap, (d) what is heard after it,
+    """One page of a shell: (a) at rest, (b) its two modes, (c) its snap, (d) the modes after it,
     (e) the frequencies of many shells, (f) a recording.
 
     Args:
         rest: Shape at rest.
         modes: Its vibrations, two at least.
         trace: A simulation with V and S, snap included.
-        signature: What is heard in it.
+        signature: Its modes.
         table: Frequencies of many shells, as `jshell.calibration.fit_frequencies` takes them.
         table_fit: Its result, where there is one.
         recording: What a camera saw: H at least. Drawn in SI where it knows its scales.
-        recording_signature: What is heard in it.
+        recording_signature: Its modes.
     """
     with style():
         figure = new_figure(PAGE)
@@ -60,9 +60,9 @@ def overview(
         order = [SPHERE["V"][1], SPHERE["S"][1], "dip", "window"]
         order = [word for word in order if word in named]
         panel["c"].legend([named[word] for word in order], order, loc="center right")
-        heard(trace, signature, ax=panel["d"])
+        identified_modes(trace, signature, ax=panel["d"])
         master_curve(table, table_fit, panel["e"])
-        heard(recording, recording_signature, "H", panel["f"], laboratory=recording.scales is not None)
+        identified_modes(recording, recording_signature, "H", panel["f"], laboratory=recording.scales is not None)
 
         titles = {
             "a": "shape at rest",

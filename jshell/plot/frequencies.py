@@ -1,6 +1,6 @@
 """Frequencies of many shells on one curve.
 
-Symbols    V_e, P_e volume and inner pressure at rest   ω±  slow and fast pulsation
+Symbols    V_e, P_e volume and inner pressure at rest   ω±  slow and fast angular frequency
 Source     Mokbel et al. 2021: eq:defw, where V_e² ω±² depends on V_e P_e alone; fig:w
 """
 

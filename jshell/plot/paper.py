@@ -217,7 +217,7 @@ def read_spheres(table: dict[str, np.ndarray]) -> paper_damping.Spheres:
     radial = ~np.isfinite(heard) | (np.asarray(table["outcome"])[rows] != "ok")
     cases = np.stack([pick(name) for name in ("d_hat", "P0_hat", "Pext_hat", "eta_hat")], axis=1)
     for k in np.flatnonzero(radial):
-        heard[k] = _radial_pulsation(Reduced(*(float(value) for value in cases[k])))
+        heard[k] = _radial_frequency(Reduced(*(float(value) for value in cases[k])))
     step = np.round(cases[:, 2] - cases[:, 1], 6)
     return paper_damping.Spheres(cases[:, 1], step, pick("V_e"), heard, pick("omega_sphere"), small, radial)
 
@@ -227,7 +227,7 @@ def _nothing(t: Any) -> Any:
     return 0.0 * t
 
 
-def _radial_pulsation(conditions: Reduced) -> float:
+def _radial_frequency(conditions: Reduced) -> float:
     """What is heard of the intact sphere after the outer pressure has stepped from the gas pressure to its own."""
     rest = float(np.cbrt(float(sphere_state(conditions.as_arrays()).volume) / SPHERE_VOLUME))
     times = np.arange(0.0, 20.0, 0.05)
@@ -257,12 +257,12 @@ FIGURES = (
     PaperFigure("setup", "fig:exptyp", "attached shell, H and W with their damped pair", setup),
     PaperFigure("snapshots", "fig:simulationResults", "the snap in pictures, with its flow", snapshots),
     PaperFigure("relaxation", "fig:oscill", "V and S for three gas pressures, with fits", relaxation),
-    PaperFigure("control", "fig:resul", "slow pulsation against d̂, η̂, pressure", control),
+    PaperFigure("control", "fig:resul", "slow angular frequency against d̂, η̂, pressure", control),
     PaperFigure("coordinates", "fig:schememodel", "the two slowest motions and their flow", coordinates),
-    PaperFigure("master", "fig:w", "all pulsations on one curve", master),
+    PaperFigure("master", "fig:w", "all angular frequencies on one curve", master),
     PaperFigure("every_run", "eq:defw", "every run over the source's curve", every_run),
     PaperFigure("constants", "subsec:agree", "the constants by every reading", constants),
-    PaperFigure("softening", "fig:soft", "pulsations through buckling", softening),
+    PaperFigure("softening", "fig:soft", "angular frequencies through buckling", softening),
     PaperFigure("damping", "fig:tau", "decay time against Reynolds number", damping),
     PaperFigure("trends", "sec:simulresul", "ringing in thick liquids, area at rest", trends),
     PaperFigure("attached", "fig:detail-attached", "attached against free, amplitude ratios", attached),

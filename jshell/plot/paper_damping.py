@@ -1,7 +1,7 @@
-"""Figures of the source that show damping and the spherical check: τ against Re, pulsations of the sphere.
+"""Figures of the source that show damping and the spherical check: τ against Re, angular frequencies of the sphere.
 
 Symbols    τ decay time   Re = v R0 ρ/η Reynolds number of the buckling pole   C_x drag coefficient
-           ω_sph pulsation of the sphere   δP̂ step of the outer pressure [E d/R0]
+           ω_sph angular frequency of the sphere   δP̂ step of the outer pressure [E d/R0]
 Source     Mokbel et al. 2021: fig:tau, eq:oscillSph, eq:wsphere; Almedeij 2008
 """
 
@@ -28,7 +28,7 @@ class Spheres:
         gas_pressure: (runs,) P̂0, inside and outside before the step.
         step: (runs,) δP̂.
         volume: (runs,) V_e at rest [R0³].
-        heard: (runs,) pulsation heard.
+        heard: (runs,) angular frequency heard.
         said: (runs,) eq:wsphere at that rest state.
         small: (runs,) whether it was a small oscillation about the compressed sphere instead of the step's own.
         radial: (runs,) whether it is the radial equation's, since the simulated sphere left its shape.
@@ -92,7 +92,7 @@ def damping(runs: ShellRuns) -> Figure:
 
 
 def spheres(found: Spheres) -> Figure:
-    """eq:oscillSph: pulsations of the sphere after a step of pressure, and eq:wsphere with and without its factor 1.07.
+    """eq:oscillSph: the sphere after a step of pressure, its ω, and eq:wsphere with and without its factor 1.07.
 
     Args:
         found: The spherical families.
@@ -126,11 +126,11 @@ def spheres(found: Spheres) -> Figure:
                        textcoords="offset points", ha="right", va="top", fontsize=7.5, color="#555555")  # fmt: skip
         for ax in (left, right):
             ax.set_xlabel("gas pressure P̂₀ [E d/R₀]")
-        left.set_ylabel("pulsation of the sphere ω̂ [√(E d/ρ R₀³)]")
+        left.set_ylabel("angular frequency of the sphere ω̂ [√(E d/ρ R₀³)]")
         right.set_ylabel("ω̂ heard over eq. wsphere")
         left.legend(loc="upper left")
         right.legend(loc="center right")
-        left.set_title(r"$\bf{(a)}$  pulsations", loc="left")
+        left.set_title(r"$\bf{(a)}$  angular frequencies", loc="left")
         right.set_title(r"$\bf{(b)}$  prefactor", loc="left")
     return figure
 

@@ -1,6 +1,6 @@
 """Figures of the source that show frequencies of many shells: what they depend on, and the one curve they lie on.
 
-Symbols    ω±  slow and fast pulsation   V_e, P_e volume and inner pressure at rest   d̂, P̂0, η̂ the shell's numbers
+Symbols    ω±  slow and fast angular frequency   V_e, P_e volume and pressure at rest   d̂, P̂0, η̂ the shell's numbers
 Source     Mokbel et al. 2021: fig:resul, fig:w, eq:defw
 """
 
@@ -46,11 +46,11 @@ PAGE_TOP = 3.0  # the master curve's page ends at so many times the middle ω+
 WORDS = ("thickness", "viscosity of R", "inner pressure")
 NAMED = (("alpha1", "α₁"), ("alpha2", "α₂"), ("k_vs", "k$_{VS}$"))
 HEARD_WORDS = "heard; in (c) P̂ₑₓₜ − P̂₀ fixed"
-OMEGA = "slow pulsation ω̂₋ [√(E d/ρ R₀³)]"
+OMEGA = "slow angular frequency ω̂₋ [√(E d/ρ R₀³)]"
 
 
 def control(runs: ShellRuns, thickness: str, viscosity: str, pressure: str, shape: str) -> Figure:
-    """fig:resul: the slow pulsation against thickness, viscosity and pressure, one parameter at a time from R.
+    """fig:resul: the slow angular frequency against thickness, viscosity and pressure, one parameter at a time from R.
 
     Args:
         runs: The campaign.
@@ -224,7 +224,7 @@ def constants(readings: Sequence[Reading], more: Sequence[tuple[str, FitResult]]
 
 def _family(ax: Axes, x: np.ndarray, runs: ShellRuns, rows: np.ndarray, colour: str, label: str,
             marker: str = "o") -> None:  # fmt: skip
-    """A family's heard pulsations as points, its modes as a line, eq:defw with the source's constants dashed."""
+    """A family's extracted frequencies as points, its modes as a line, eq:defw with the source's constants dashed."""
     ax.plot(x, runs.heard[rows, 0], marker, color=colour, label=label or None, **HEARD)
     ax.plot(x, runs.layered[rows, 0], color=colour, linewidth=0.9, zorder=1)
     said = _said(runs, rows)

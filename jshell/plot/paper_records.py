@@ -1,6 +1,6 @@
 """Figures of the source that show records in time: V and S for three pressures, attached against free.
 
-Symbols    V, S, H, W volume, area, height, width   ω±  pulsations   τ decay time   A±  amplitudes
+Symbols    V, S, H, W volume, area, height, width   ω±  angular frequencies   τ decay time   A±  amplitudes
 Source     Mokbel et al. 2021: fig:oscill, fig:detail-attached
 """
 

@@ -1,6 +1,6 @@
-"""The source's figure of softening: pulsations before and after buckling over the outer pressure.
+"""The source's figure of softening: angular frequencies before and after buckling over the outer pressure.
 
-Symbols    ω pulsation over that of the stress-free sphere [-]   P̂ext outer pressure [E d/R0]
+Symbols    ω angular frequency over that of the stress-free sphere [-]   P̂ext outer pressure [E d/R0]
 Source     Mokbel et al. 2021: fig:soft; Marmottant et al. 2005 for the dotted law
 """
 
@@ -41,7 +41,7 @@ def softening(thickness: Sequence[float] = (0.02, 0.05, 0.1), pressures: Sequenc
         right.set_xticks([], minor=True)
         left.set_title(rf"$\bf{{(a)}}$  P̂₀ = {gas:g}", loc="left")
         right.set_title(rf"$\bf{{(b)}}$  d̂ = {thin:g}", loc="left")
-        left.set_ylabel("pulsation ω / stress-free sphere")
+        left.set_ylabel("angular frequency ω / stress-free sphere")
         left.set_ylim(0.0, 1.18)
         ours = drop(thin, gas, SOURCE)
         theirs = printed("subsec:soft", "slow_drop").value, printed("subsec:soft", "fast_drop_lowest").value

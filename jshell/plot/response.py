@@ -1,6 +1,6 @@
 """Driven shells: an answer in time, its spectrum, response curves, bifurcations, softening, hysteresis.
 
-Symbols    V volume   ω pulsation of the drive   P̂ext outer pressure   ω±  pulsations of the buckled shell
+Symbols    V volume   ω angular frequency of the drive   P̂ext outer pressure   ω±  those of the buckled shell
 """
 
 from typing import TYPE_CHECKING, Any
@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jshell.oscillator import Bifurcation, Crossing, Passage, Response, ResponseCurve, SimulatedModes, harmonics
+from jshell.oscillator import Bifurcation, Crossing, Response, ResponseCurve, SimulatedModes, Trajectory, harmonics
 from jshell.oscillator.spectrum import spectrum
 from jshell.plot.style import (
     BLACK,
@@ -55,23 +55,23 @@ def answer(response: Response) -> Figure:
             grid[name].set_xlim(t[0], t[-1])
         heard = spectrum(response.times, jnp.nan_to_num(response.scattered), skip=float(t[-1] - t[0]) / 3, finer=8)
         level = 20 * np.log10(np.maximum(np.asarray(heard.amplitude), 1e-12) / float(np.max(heard.amplitude)))
-        w = np.asarray(heard.pulsation)
+        w = np.asarray(heard.angular_frequency)
         last = float(w[np.nonzero(level > -60)[0][-1]])
         grid["h"].plot(w, level, color=PURPLE, linewidth=1.0)
         grid["h"].set_xlim(0.0, 1.1 * last)
         grid["h"].set_ylim(-70, 3)
-        grid["h"].set_xlabel("pulsation ω [√(E d/ρ R₀³)]")
+        grid["h"].set_xlabel("angular frequency ω [√(E d/ρ R₀³)]")
         grid["h"].set_ylabel("level of r pₛ [dB]")
     return figure
 
 
 def response_curves(curves: ResponseCurve | tuple[ResponseCurve, ...], ax: Axes | None = None) -> Axes:
-    """Amplitude of the volume over the drive's pulsation; unstable orbits dashed, one colour per curve."""
+    """Amplitude of the volume over the drive's angular frequency; unstable orbits dashed, one colour per curve."""
     listed = (curves,) if isinstance(curves, ResponseCurve) else curves
     with style():
         ax = axes_or_new(ax)
         for curve, colour in zip(listed, (BLUE, VERMILION, GREEN, PURPLE, ORANGE) * len(listed), strict=False):
-            w, a = np.asarray(curve.pulsations), np.asarray(curve.amplitude) / SPHERE_VOLUME
+            w, a = np.asarray(curve.angular_frequencies), np.asarray(curve.amplitude) / SPHERE_VOLUME
             order = np.argsort(w)
             w, a, stable = w[order], a[order], np.asarray(curve.multiplier)[order] <= 1
             ax.plot(w, np.where(stable, a, np.nan), color=colour, label=f"{float(curve.drive):g}")
@@ -102,7 +102,7 @@ def bifurcation_diagram(found: Bifurcation, ax: Axes | None = None) -> Axes:
 
 
 def softening_curve(found: Crossing, ax: Axes | None = None, *, simulated: SimulatedModes | None = None) -> Axes:
-    """Pulsations over the outer pressure through buckling, relative to the stress-free sphere (fig:soft).
+    """Angular frequencies over the outer pressure through buckling, relative to the stress-free sphere (fig:soft).
 
     Args:
         found: Of the two-variable model.
@@ -131,13 +131,13 @@ def softening_curve(found: Crossing, ax: Axes | None = None, *, simulated: Simul
         ax.set_ylim(0, None)
         ax.set_xlim(P.min(), P.max())
         ax.set_xlabel(quantity("Pext_hat").label())
-        ax.set_ylabel("pulsation ω / stress-free sphere")
+        ax.set_ylabel("angular frequency ω / stress-free sphere")
         ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
     return ax
 
 
 def softening_map(thickness: np.ndarray, gas_pressure: np.ndarray, drop: np.ndarray, ax: Axes | None = None) -> Axes:
-    """How far the slow pulsation falls at buckling, over thickness and gas pressure.
+    """How far the slow angular frequency falls at buckling, over thickness and gas pressure.
 
     Args:
         thickness: (columns,) d̂.
@@ -167,11 +167,11 @@ def softening_map(thickness: np.ndarray, gas_pressure: np.ndarray, drop: np.ndar
     return ax
 
 
-def hysteresis(passage: Passage, ax: Axes | None = None) -> Axes:
+def hysteresis(trajectory: Trajectory, ax: Axes | None = None) -> Axes:
     """Volume over the outer pressure, with the loads at which a slow pressure buckles and unbuckles the shell."""
-    P, V = np.asarray(passage.trace["P_ext"]), np.asarray(passage.trace["V"]) / SPHERE_VOLUME
-    buckled = np.asarray(passage.trace["buckled"]) == 1
-    at = passage.thresholds
+    P, V = np.asarray(trajectory.trace["P_ext"]), np.asarray(trajectory.trace["V"]) / SPHERE_VOLUME
+    buckled = np.asarray(trajectory.trace["buckled"]) == 1
+    at = trajectory.thresholds
     with style():
         ax = axes_or_new(ax, (4.6, 3.2))
         ax.plot(P, np.where(buckled, V, np.nan), color=BLUE, linewidth=0.9, label="buckled")
@@ -201,10 +201,10 @@ def radius(run: Any, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def harmonic_levels(response: Response, pulsation: float) -> dict[str, float]:
+def harmonic_levels(response: Response, angular_frequency: float) -> dict[str, float]:
     """Amplitudes of the scattered pressure at 1/2, 1, 3/2, 2 and 3 times the drive, over the last half of the run."""
     t = response.times
     first = t.size // 2
     orders = (0.5, 1.0, 1.5, 2.0, 3.0)
-    found = jax.device_get(harmonics(t[first:], response.scattered[first:], pulsation, orders))
+    found = jax.device_get(harmonics(t[first:], response.scattered[first:], angular_frequency, orders))
     return {f"{order:g}": float(value) for order, value in zip(orders, found, strict=True)}

@@ -1,4 +1,4 @@
-"""Records in time: a channel as it was taken, and what was heard in it.
+"""Records in time: a channel as it was taken, and the modes identified in it.
 
 Symbols    t time   V, S, H, W volume, area, height, width; relative to the stress-free sphere where asked
            ω-, ω+ intrinsic frequencies, Ω² = ω² - 1/τ² damped ones   τ decay time
@@ -132,10 +132,10 @@ def channel(
 
 
 def two_modes(signature: Signature, name: str, times: Float[np.ndarray, "times"]) -> Float[np.ndarray, "times"]:
-    """The two-mode curve that was heard in a channel, in the channel's own unit.
+    """The two-mode curve identified in a channel, in the channel's own unit.
 
     Raises:
-        NotOk: Nothing was heard.
+        NotOk: No modes were identified.
         BadName: A channel without amplitudes.
     """
     slow, fast, tau = signature.omega_minus, signature.omega_plus, signature.tau
@@ -146,7 +146,7 @@ def two_modes(signature: Signature, name: str, times: Float[np.ndarray, "times"]
             f"channel {name!r}",
             found="no amplitudes in the signature",
             expected="one of " + ", ".join(signature.amplitudes),
-            remedy="Listen to that channel first.",
+            remedy="Extract the modes of that channel first.",
         )
     elapsed = times - signature.window[0]
     damped = np.sqrt(np.array([slow, fast]) ** 2 - 1 / tau**2)
@@ -155,7 +155,7 @@ def two_modes(signature: Signature, name: str, times: Float[np.ndarray, "times"]
     return signature.offsets[name] + np.exp(-elapsed / tau) * waves.sum(axis=1)
 
 
-def heard(
+def identified_modes(
     trace: Trace,
     signature: Signature,
     name: str | None = None,
@@ -168,14 +168,14 @@ def heard(
 
     Args:
         trace: The record.
-        signature: What was heard in it.
-        name: Channel; by default the first one listened to.
+        signature: The modes identified in it.
+        name: Channel; by default the first one of the signature.
         ax: Where to draw; by default on a new figure.
         relative: Against the stress-free sphere (V, S, H, W).
         laboratory: In SI units of a convenient size, frequencies in Hz; needs the trace's scales.
 
     Raises:
-        NotOk: Nothing was heard.
+        NotOk: No modes were identified.
         BadName: No such channel, or one without amplitudes.
     """
     name = signature.channels[0] if name is None else name

@@ -1,6 +1,6 @@
 """The shell that rings as wished: thickness and gas pressure from two frequencies.
 
-Symbols    d̂ thickness   P̂0 gas pressure   ω±  wanted pulsations [sqrt(E d/(ρ_f R0³))]
+Symbols    d̂ thickness   P̂0 gas pressure   ω±  wanted angular frequencies [sqrt(E d/(ρ_f R0³))]
 Valid for  a shell loaded at its own buckling threshold, or at `excess` times it
 Source     Mokbel et al. 2021: eq:defw, eq:equiplateau, eq:equivol, section "Softening of buckled shells"
 """
@@ -66,7 +66,7 @@ def design(
     the answers; different answers are all given.
 
     Args:
-        omega_minus, omega_plus: Wanted pulsations [sqrt(E d/(ρ_f R0³))], slow below fast.
+        omega_minus, omega_plus: Wanted angular frequencies [sqrt(E d/(ρ_f R0³))], slow below fast.
         coefficients: Constants of the short model.
         excess: Outer pressure over the buckling load.
         viscosity, kappa, poisson_ratio: Of the liquid, the gas and the wall.

@@ -25,8 +25,7 @@ class Settings:
         upload: Largest body of a request [bytes].
         arrival: Time in which the body of a request must arrive [s].
         traces: Most traces of one job.
-        cache: Folder of compiled programs, kept between runs; None takes JAX_COMPILATION_CACHE_DIR, or one in
-            the user's cache folder that belongs to this processor.
+        cache: Folder of compiled programs, kept between runs; None is that of every jshell command.
         warm: Whether a process compiles the usual fit before its first job.
         host: Address the server listens at.
         port: Port it listens at.

@@ -6,10 +6,8 @@ before a job is leased: time to start is nobody's death.
 """
 
 import contextlib
-import hashlib
 import logging
 import os
-import platform
 import secrets
 import socket
 import threading
@@ -24,7 +22,6 @@ import jax
 
 from jshell import engines
 from jshell.engines import Processes
-from jshell.engines.quiet import LOGGING, quiet
 from jshell.errors import BadStore, JshellError, LimitReached, StoreUnavailable, WorkerLost
 from jshell.service import tasks
 from jshell.service.settings import Settings
@@ -314,25 +311,12 @@ def _resident(process: int | None) -> int | None:
 
 
 def _keep_programs_in(folder: str | None) -> None:
-    """Let processes share what they compile, and keep it between runs; JAX_COMPILATION_CACHE_DIR is heeded."""
+    """Let processes keep what they compile in this folder; None is where importing jshell has put it."""
     if folder is None:
-        if getattr(jax.config, PROGRAMS):
-            return
-        home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-        folder = str(home / "jshell" / f"programs-{_machine()}")
-        jax.config.update(LOGGING, quiet(getattr(jax.config, LOGGING)))
+        return
     try:
         Path(folder).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         log.warning("compiled programs are not kept: %s", error)
         return
     jax.config.update(PROGRAMS, folder)
-
-
-def _machine() -> str:
-    """A mark of processor and JAX: programs compiled for another one may crash here."""
-    words = platform.machine() + jax.__version__
-    table = Path("/proc/cpuinfo")
-    if table.exists():
-        words += next((line for line in table.read_text().splitlines() if line.startswith("flags")), "")
-    return hashlib.sha256(words.encode()).hexdigest()[:12]

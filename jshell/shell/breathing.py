@@ -43,6 +43,6 @@ def radial_acceleration(
     Source:
         ρ (R R̈ + 3/2 Ṙ²) = P (1 - 3κ Ṙ/c) + wall - P_ext - 4η Ṙ/R - 4κ_s Ṙ/R².
     """
-    heard = 0.0 if sound_speed is None else 3 * kappa * gas * speed / sound_speed
+    radiated = 0.0 if sound_speed is None else 3 * kappa * gas * speed / sound_speed
     slowed = 4 * viscosity * speed / radius + 4 * wall_viscosity * speed / radius**2
-    return (gas - heard + wall - outer - slowed - 1.5 * speed**2) / radius
+    return (gas - radiated + wall - outer - slowed - 1.5 * speed**2) / radius

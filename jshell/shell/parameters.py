@@ -18,6 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 
+from jshell.display import PRESSURE, number, readable, shown
 from jshell.errors import BadValue
 
 Number = float | jax.Array | np.ndarray
@@ -167,6 +168,9 @@ class Reduced(eqx.Module):
         >>> import jshell as js
         >>> js.Reduced(0.22, 0.9, 1.6, 0.004).kappa
         1.4
+        >>> js.Reduced(0.22, 0.9, 1.6)  # doctest: +NORMALIZE_WHITESPACE
+        Reduced(thickness=0.22 [R0], gas_pressure=0.9 [E d/R0], outer_pressure=1.6 [E d/R0],
+                viscosity=0 [sqrt(E d rho_f R0)], kappa=1.4, poisson_ratio=0.5)
     """
 
     thickness: Number
@@ -183,6 +187,18 @@ class Reduced(eqx.Module):
         check("viscosity (eta_hat)", self.viscosity, "a finite number of at least 0", lambda x: x >= 0)
         check("kappa", self.kappa, "a number of at least 1", lambda x: x >= 1)
         _check_ratio(self.poisson_ratio)
+
+    @readable
+    def __repr__(self) -> str:
+        return shown(
+            self,
+            f"thickness={number(self.thickness, 'R0')}",
+            f"gas_pressure={number(self.gas_pressure, PRESSURE)}",
+            f"outer_pressure={number(self.outer_pressure, PRESSURE)}",
+            f"viscosity={number(self.viscosity, 'sqrt(E d rho_f R0)')}",
+            f"kappa={number(self.kappa)}",
+            f"poisson_ratio={number(self.poisson_ratio)}",
+        )
 
     def as_arrays(self) -> "Reduced":
         """The same numbers as JAX arrays, so that a compiled program serves every value."""

@@ -4,7 +4,7 @@ One coordinate, the radius. Both the short model and the radial comparators
 hold their buckled shell against these numbers.
 
 Symbols    R radius [R0]   P inner pressure [E d/R0]
-           ω pulsation [sqrt(E d/(ρ_f R0³))]   ΔP_b buckling threshold [E d/R0]
+           ω angular frequency [sqrt(E d/(ρ_f R0³))]   ΔP_b buckling threshold [E d/R0]
 Valid for  small radial oscillations about any compressed sphere
 Source     Mokbel et al. 2021: eq:wsphere, eq:NRJsph; section "Softening of buckled shells"
 """
@@ -20,7 +20,7 @@ from jshell.shell.rest import RestState, sphere_state
 
 
 def sphere_frequency(state: RestState, conditions: Reduced) -> Float[Array, ""]:
-    """Pulsation of the sphere about a compressed rest state, undamped.
+    """Angular frequency of the sphere about a compressed rest state, undamped.
 
     Written in the radius; in volumes it is the printed form.
 
@@ -39,17 +39,17 @@ def sphere_frequency(state: RestState, conditions: Reduced) -> Float[Array, ""]:
 
 
 def sphere_frequency_at_load(conditions: Reduced) -> Float[Array, ""]:
-    """Pulsation of the sphere compressed by the outer pressure of `conditions`, had it not buckled."""
+    """Angular frequency of the sphere compressed by the outer pressure of `conditions`, had it not buckled."""
     return sphere_frequency(sphere_state(conditions), conditions)
 
 
 def minnaert_frequency(pressure: Scalar, kappa: Scalar = 1.4) -> Float[Array, ""]:
-    """Pulsation sqrt(3 κ P) of a bare bubble of radius R0 at a pressure [sqrt(E d/(ρ_f R0³))]."""
+    """Angular frequency sqrt(3 κ P) of a bare bubble of radius R0 at a pressure [sqrt(E d/(ρ_f R0³))]."""
     return jnp.sqrt(3 * kappa * jnp.asarray(pressure))
 
 
 def marmottant_frequency(conditions: Reduced) -> Float[Array, ""]:
-    """Pulsation of a buckled shell that resists nothing: a bubble of radius R0 at the outer pressure.
+    """Angular frequency of a buckled shell that resists nothing: a bubble of radius R0 at the outer pressure.
 
     Source:
         Caption of fig:soft, after Marmottant et al. 2005.

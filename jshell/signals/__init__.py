@@ -1,4 +1,4 @@
-"""Listening: from a trace to two frequencies, a decay time and a verdict."""
+"""From a trace to two frequencies, a decay time and a verdict."""
 
 from jshell.signals.damped_pair import DampedModes, fit
 from jshell.signals.pair_batch import Pairs, extract_batch

@@ -130,8 +130,8 @@ def solve(values: Float[Array, "1 times block"], count: Float[Array, " block"], 
     square, noise = stage(spreads, go, y, count)
     growth, turn = poles(y, count, jax.lax.rsqrt(jnp.maximum(square, 1e-300)), cell, go)
     decay = jnp.clip(-(growth[0] + growth[1]) / 2, 0.05 / count, 0.5)
-    heard = jnp.log(jnp.maximum(jnp.stack([turn[0], turn[1], decay]), 1e-12))
-    first = jnp.where(jnp.isnan(start), heard, start)
+    first_guess = jnp.log(jnp.maximum(jnp.stack([turn[0], turn[1], decay]), 1e-12))
+    first = jnp.where(jnp.isnan(start), first_guess, start)
     data = Records(y, count, square[0] * count)
     low = jnp.log(jnp.stack([0.1 / count, 0.1 / count, 1e-3 / count]))
     high = jnp.log(jnp.stack([3.1 + 0 * count, 3.1 + 0 * count, 2.0 + 0 * count]))
@@ -175,8 +175,8 @@ def extract_batch(
         >>> from jshell.signals import extract_batch
         >>> t = 0.1 * np.arange(400)
         >>> ring = np.exp(-t / 8) * (np.cos(t) + 0.4 * np.cos(1.7 * t + 1))
-        >>> heard = extract_batch(0.1, np.stack([3 + ring, 5 - 2 * ring]))
-        >>> print(heard.omega.round(4), heard.tau.round(3))
+        >>> pairs = extract_batch(0.1, np.stack([3 + ring, 5 - 2 * ring]))
+        >>> print(pairs.omega.round(4), pairs.tau.round(3))
         [[1.0078 1.7046]
          [1.0078 1.7046]] [8. 8.]
     """
@@ -240,8 +240,8 @@ def _with_care(found: Ending, data, n, rows) -> None:
     places, starts = [], []
     for row in rows:
         y, t = data[row, : n[row]], np.arange(float(n[row]))
-        for heard in rates(t, (y / y.std())[None])[:6]:
-            s: Any = heard[:2] if heard.size > 1 else np.append(heard, heard[0].real + 1.7j * heard[0].imag)
+        for pair in rates(t, (y / y.std())[None])[:6]:
+            s: Any = pair[:2] if pair.size > 1 else np.append(pair, pair[0].real + 1.7j * pair[0].imag)
             turn, decay = np.sort(s.imag), max(-np.mean(s.real), 0.05 / n[row])
             places.append(row)
             starts.append(np.log([*turn, decay]))

@@ -32,7 +32,7 @@ def rates(times: Float[np.ndarray, "times"], values: Float[np.ndarray, "channels
         values: Channels that share their rates, of comparable size.
 
     Returns:
-        One array per order, the strongest rate first; an order that hears nothing is left out.
+        One array per order, the strongest rate first; an order that finds nothing is left out.
     """
     span = times[-1] - times[0]
     edges = np.linspace(times[0], times[-1], GRID + 1)
@@ -42,7 +42,7 @@ def rates(times: Float[np.ndarray, "times"], values: Float[np.ndarray, "channels
         means.append(np.diff(np.interp(edges, times, np.append(0.0, np.cumsum(pieces)))) * GRID / span)
     even = np.stack(means, axis=1)
     step = span / GRID
-    heard = []
+    found = []
     elapsed = step * np.arange(GRID)
     for row in poles(even, float(step), ORDERS):
         growth, turn = np.real(row), np.imag(row)
@@ -53,8 +53,8 @@ def rates(times: Float[np.ndarray, "times"], values: Float[np.ndarray, "channels
             columns = np.concatenate([np.real(waves), np.imag(waves), np.ones((GRID, 1))], axis=1)
             cosine, sine = np.split(np.linalg.lstsq(columns, even, rcond=None)[0][:-1], 2)
             strength = np.sum(cosine**2 + sine**2, axis=1) * np.sum(np.abs(waves) ** 2, axis=0)
-            heard.append(s[np.argsort(-strength)])
-    return heard
+            found.append(s[np.argsort(-strength)])
+    return found
 
 
 def poles(

@@ -1,4 +1,4 @@
-"""What is heard in a record: two frequencies, one decay, and whether two are enough.
+"""The modes of a record: two frequencies, one decay, and whether two are enough.
 
 Symbols    ω-, ω+ intrinsic frequencies, ω² = Ω² + 1/τ²   τ decay time   A±  amplitudes
 Valid for  the ring-down after a snap, where the motion is small and decays together
@@ -11,6 +11,7 @@ from itertools import combinations
 
 import numpy as np
 
+from jshell.display import FREQUENCY, TIME, ended, number, readable, shown
 from jshell.errors import BadName, BadValue, NotOk, Outcome
 from jshell.signals.damped_pair import DampedModes, fit
 from jshell.signals.pencil import rates
@@ -18,7 +19,7 @@ from jshell.signals.snap import AFTER_SNAP, dip
 from jshell.trace import Trace
 
 FEWEST_SAMPLES = 32
-HEARD = ("H", "W", "S")  # listened to together where V was not recorded
+WITHOUT_V = ("H", "W", "S")  # taken together where V was not recorded
 MEASURED = ("V", "S", "H", "W")  # the shape's own measures: fitted by default, their amplitude ratios reported
 MOST_STARTS = 10
 
@@ -47,7 +48,7 @@ class Signature:
         residuals: The same with one, two and three modes.
         noise: Estimated noise over rms of the signal.
         verdict: `one`, `two` or `more than two` modes are needed.
-        channels: Those listened to.
+        channels: Those it was extracted from.
         window: First and last time used.
         t_dip: Time of the snap's dip.
         outcome: ok, unusable_data or not_converged.
@@ -74,9 +75,23 @@ class Signature:
     frequency_unit: float | None = None
     fits: tuple[DampedModes, ...] = field(default=(), repr=False)
 
+    @readable
+    def __repr__(self) -> str:
+        hertz = "" if self.f_minus_Hz is None else f"{number((self.f_minus_Hz, self.f_plus_Hz), 'Hz')}"
+        return shown(
+            self,
+            f"ω− {number(self.omega_minus, FREQUENCY)}",
+            f"ω+ {number(self.omega_plus, FREQUENCY)}",
+            f"τ {number(self.tau, TIME)}",
+            hertz,
+            f"modes needed: {self.verdict}",
+            "from " + " ".join(self.channels),
+            ended(self.outcome),
+        )
+
     @property
     def amplitude_ratio(self) -> dict[str, float | None]:
-        """Channel to A+/A-; None where the slow mode is not heard."""
+        """Channel to A+/A-; None where the slow mode is absent."""
         return {name: fast / slow if slow > 0 else None for name, (slow, fast) in self.amplitudes.items()}
 
     @property
@@ -119,11 +134,11 @@ def extract(
     stop: float | int | None = None,
     throw: bool = False,
 ) -> Signature:
-    """Listen to a trace: two frequencies, one decay time, amplitudes, and a verdict.
+    """Extract the modes of a trace: two frequencies, one decay time, amplitudes, and a verdict.
 
     Args:
         trace: The record.
-        channel: Channel to listen to, or several that share frequencies and decay. By default V; where V was
+        channel: Channel to use, or several that share frequencies and decay. By default V; where V was
             not recorded, all of H, W and S that were, else every channel.
         start, stop: Window [the trace's time unit]; by default from 5 units after the snap's dip to the end.
         throw: Raise `NotOk` unless the outcome is ok.
@@ -139,8 +154,8 @@ def extract(
         >>> import jshell as js, numpy as np
         >>> t = np.linspace(0, 40, 401)
         >>> ring = np.exp(-t / 8) * (np.cos(t) + 0.4 * np.cos(1.7 * t + 1))
-        >>> heard = js.signals.extract(js.Trace(t, {"V": 3 + ring}), start=0)
-        >>> print(f"{heard.omega_minus:.4f} {heard.omega_plus:.4f} {heard.tau:.3f} {heard.verdict}")
+        >>> found = js.signals.extract(js.Trace(t, {"V": 3 + ring}), start=0)
+        >>> print(f"{found.omega_minus:.4f} {found.omega_plus:.4f} {found.tau:.3f} {found.verdict}")
         1.0078 1.7046 8.000 two
     """
     names = _chosen(trace, channel)
@@ -165,7 +180,7 @@ def extract(
 
     fits = _fits(t, data)
     if fits is None:
-        return ended("no oscillation is heard in the window")
+        return ended("no oscillation is found in the window")
     pair = fits[1]
     if min(found.residual for found in fits) > NOTHING_HEARD:
         return ended("no oscillation rises above the noise in the window")
@@ -219,8 +234,8 @@ def _chosen(trace: Trace, channel: str | Sequence[str] | None) -> tuple[str, ...
     if channel is None:
         if "V" in trace.channels:
             return ("V",)
-        heard = tuple(name for name in HEARD if name in trace.channels)
-        names = heard or tuple(trace.channels)
+        found = tuple(name for name in WITHOUT_V if name in trace.channels)
+        names = found or tuple(trace.channels)
     else:
         names = (channel,) if isinstance(channel, str) else tuple(channel)
     if not names:
@@ -231,22 +246,22 @@ def _chosen(trace: Trace, channel: str | Sequence[str] | None) -> tuple[str, ...
 
 
 def _fits(t: np.ndarray, data: np.ndarray) -> tuple[DampedModes, ...] | None:
-    """Fits with one, two and three modes; None where the pencil hears nothing."""
-    heard = rates(t, data / data.std(axis=1, keepdims=True))
-    if not heard:
+    """Fits with one, two and three modes; None where the pencil finds nothing."""
+    found = rates(t, data / data.std(axis=1, keepdims=True))
+    if not found:
         return None
     span = t[-1] - t[0]
     fits = []
     for modes in (1, 2, 3):
-        starts = _starts(heard, modes, span)
+        starts = _starts(found, modes, span)
         fits.append(fit(t, data, starts))
     return tuple(fits)
 
 
-def _starts(heard: list[np.ndarray], modes: int, span: float) -> np.ndarray:
+def _starts(found: list[np.ndarray], modes: int, span: float) -> np.ndarray:
     """Starts for a number of modes: combinations of the strongest rates of every order, the decay from them."""
     rows = []
-    for s in heard:
+    for s in found:
         strongest = s[: modes + 2]
         while strongest.size < modes:  # fewer rates than modes: an overtone to start from
             strongest = np.append(strongest, strongest[-1].real + 1.7j * strongest[-1].imag)

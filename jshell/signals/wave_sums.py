@@ -5,7 +5,7 @@ enters through Σ y z^t and Σ t y z^t alone. The waves' own products have close
 geometric sums, so that records of any length share a program: what is padded
 is zero in the data, and the closed sums know the length.
 
-Symbols    σ decay rate   Ω damped pulsation   Δ sampling step   z_-, z_+ slow, fast
+Symbols    σ decay rate   Ω damped angular frequency   Δ sampling step   z_-, z_+ slow, fast
            b = (Re z-^t, Im z-^t, Re z+^t, Im z+^t, then t times these) basis   G = Σ b bᵀ, centred, Gram matrix
 """
 
@@ -22,11 +22,13 @@ def powers(
     real: Float[Array, "modes block"], imag: Float[Array, "modes block"], groups: int
 ) -> tuple[jax.Array, jax.Array, list[tuple[jax.Array, jax.Array]]]:
     """z^t within a group, real and imaginary parts (INNER, modes, block); and z to the length of ever longer groups."""
+    # powers by doubling: the powers so far, and the same times z to their number; four products instead of sixteen
     r, i = jnp.ones_like(real)[None], jnp.zeros_like(real)[None]
     a, b = real, imag
     while r.shape[0] < INNER:
         r, i = jnp.concatenate([r, r * a - i * b]), jnp.concatenate([i, r * b + i * a])
         a, b = a * a - b * b, 2 * a * b
+    # z to the length of a group, of two, of four: what shifts the second of a pair when groups are joined
     lengths = [(a, b)]
     while 2 ** len(lengths) < groups:
         a, b = a * a - b * b, 2 * a * b
@@ -46,11 +48,13 @@ def data_sums(
         go: True.
     """
     groups = values.shape[1] // INNER
+    # groups of INNER samples: each is summed unrolled in registers, so that a sample is read from memory once
     grouped = values.reshape(values.shape[0], groups, INNER, values.shape[2])
     r, i, lengths = stage(lambda a, b: powers(a, b, groups), go, real, imag)
     lift = lambda x: x[None, :, None, :]  # noqa: E731
 
     def within(grouped, r, i):
+        # plain sums and sums weighted by t are taken in the same pass over the data
         row = [grouped[:, None, :, j] for j in range(INNER)]  # (channels, 1, groups, block)
         A = total(row[j] * lift(r[j]) for j in range(INNER))
         B = total(row[j] * lift(i[j]) for j in range(INNER))
@@ -63,6 +67,7 @@ def data_sums(
         if parts[0].shape[2] % 2:
             parts = [jnp.pad(x, ((0, 0), (0, 0), (0, 1), (0, 0))) for x in parts]
         (A0, A1), (B0, B1), (tA0, tA1), (tB0, tB1) = ((x[:, :, 0::2], x[:, :, 1::2]) for x in parts)
+        # t of the second group counts from its own start: add the first one's length
         tA1, tB1 = tA1 + length * A1, tB1 + length * B1
         r, i = lift(z[0]), lift(z[1])
         return (
@@ -72,6 +77,7 @@ def data_sums(
             tB0 + r * tB1 + i * tA1,
         )
 
+    # log2(groups) joins, each half as many as the last; the rounding grows with their number, not with the samples'
     parts = stage(within, go, grouped, r, i)
     for level, z in enumerate(lengths):
         if parts[0].shape[2] > 1:
@@ -79,6 +85,7 @@ def data_sums(
             parts = stage(lambda parts, z, length=length: joined(parts, length, z), go, parts, z)
 
     def side_by_side(A, B, tA, tB):
+        # the order of the basis b: Re z-, Im z-, Re z+, Im z+, then t times these
         pairs = ((A, B), (tA, tB))
         return jnp.stack([part[:, m, 0] for pair in pairs for m in range(2) for part in pair], axis=1)
 
@@ -94,11 +101,13 @@ def geometric(
     """
 
     def less_one(a, b):  # exp(a + ib) - 1
+        # by expm1 and the half angle: no digits are lost where q is near 1, as in a slow wave sampled finely
         half = jnp.sin(b / 2)
         return jnp.expm1(a) * jnp.cos(b) - 2 * half * half, jnp.exp(a) * jnp.sin(b)
 
     def ends(real, imag, count):
         (dr, di), (Er, Ei) = less_one(real, imag), less_one(count * real, count * imag)
+        # 1/(q - 1), kept finite where q is 1, which no decaying wave reaches
         size = 1 / jnp.maximum(dr * dr + di * di, 1e-300)
         return (dr * size, -di * size), (dr + 1, di), (Er, Ei)
 
@@ -106,12 +115,14 @@ def geometric(
     inverse, e, E = stage(ends, go, real, imag, count)
 
     def first(inverse, e, E, count):
+        # Σ q^t = (q^n - 1)/(q - 1), and Σ t q^t by summation by parts from it
         S0 = times(E, inverse)
         E, e0 = (E[0] + 1, E[1]), times(e, S0)
         S1 = times((count * E[0] - e0[0], count * E[1] - e0[1]), inverse)
         return E, S0, e0, S1, times(e, S1)
 
     def second(inverse, E, e0, e1, count):
+        # Σ t² q^t by parts once more
         n2 = count * count
         return times((n2 * E[0] - e0[0] - 2 * e1[0], n2 * E[1] - e0[1] - 2 * e1[1]), inverse)
 
@@ -131,6 +142,7 @@ def gram(decay: jax.Array, turn: jax.Array, count: jax.Array, go: Bool[Array, ""
 
     def logarithms(decay, turn):
         slow, fast, zero = turn[0], turn[1], jnp.zeros_like(decay)
+        # a product of two waves is a wave: sums and differences of their frequencies; the last two are the waves alone
         imag = jnp.stack([2 * slow, 2 * fast, slow + fast, slow - fast, zero, slow, fast])
         return jnp.stack([-2 * decay] * 5 + [-decay] * 2), imag
 
@@ -147,9 +159,11 @@ def gram(decay: jax.Array, turn: jax.Array, count: jax.Array, go: Bool[Array, ""
         return top + low
 
     def whole(orders, count):
+        # G0, G1, G2: products weighted by 1, t, t², which fill the blocks of b = (waves, t waves)
         G0, G1, G2 = (four(order) for order in orders)
         sums = [order[part][k] for order in orders[:2] for k in (5, 6) for part in (0, 1)]
         rows = [[*G0[i], *G1[i]] for i in range(4)] + [[*G1[i], *G2[i]] for i in range(4)]
+        # the offset of a channel is projected out: each product less that of the means
         G = [jnp.stack([rows[i][j] - sums[i] * sums[j] / count for j in range(8)]) for i in range(8)]
         return jnp.stack(G), jnp.stack(sums)
 
@@ -181,6 +195,7 @@ def uneven_sums(
     """
 
     def basis(samples, inside, decay, turn):
+        # outside a record the wave itself is zero, so that no later sum needs to know
         size = inside * jnp.exp(-decay * samples)
         waves = [size * wave(turn[m] * samples) for m in range(2) for wave in (jnp.cos, jnp.sin)]
         return jnp.stack(waves + [samples * wave for wave in waves])

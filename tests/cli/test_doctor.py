@@ -45,8 +45,8 @@ def test_people_get_a_table():
 
 @pytest.mark.parametrize("wrong", [lambda total: total + 1.0, lambda total: total * float("nan")])
 def test_a_compiler_that_returns_wrong_numbers_is_found(monkeypatch, wrong):
-    broken = SimpleNamespace(jit=lambda f: lambda *given: wrong(f(*given)), vmap=jax.vmap)
-    monkeypatch.setattr(room, "jax", broken)
+    broken = SimpleNamespace(jit=lambda f: lambda *given: wrong(f(*given)), vmap=jax.vmap, numpy=jax.numpy)
+    monkeypatch.setattr(room, "_jax", lambda: broken)
     found = room._compiler()
     assert not found.sound
     assert "0.10.2" in found.remedy
@@ -69,7 +69,8 @@ def test_a_cache_that_cannot_be_written_is_said_and_spoils_nothing(monkeypatch, 
     file = tmp_path / "file"
     file.write_text("")
     for place, words in ((file, "cannot be written"), (tmp_path / "new", "0 files"), (None, "none")):
-        monkeypatch.setattr(room, "jax", SimpleNamespace(config=SimpleNamespace(jax_compilation_cache_dir=place)))
+        jax = SimpleNamespace(config=SimpleNamespace(jax_compilation_cache_dir=place))
+        monkeypatch.setattr(room, "_jax", lambda jax=jax: jax)
         found = room._cache()
         assert found.sound
         assert words in found.found
@@ -80,7 +81,7 @@ def test_a_package_without_its_data_is_not_sound(monkeypatch):
     def lost(name: str):
         raise BadName(name, found="no such file", expected="a file", remedy="")
 
-    monkeypatch.setattr(room.io, "example", lost)
+    monkeypatch.setattr(room.jshell.io, "example", lost)
     assert not examined(code=3)["sound"]
 
 

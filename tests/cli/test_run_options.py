@@ -18,7 +18,7 @@ from jshell.dynamics.run import Setup
 from jshell.errors import BadFile, BadName, BadUnits, BadValue
 from jshell.io import read_trace
 from jshell.membrane import WallLoss
-from jshell.oscillator import Pulse, Reynolds, Together, Tone
+from jshell.oscillator import Pulse, Reynolds, Sum, Tone
 from jshell.shell import SPHERE_VOLUME
 from jshell.trace import Trace
 
@@ -56,7 +56,7 @@ def test_options_arrive_as_pythons_arguments(monkeypatch, tmp_path):
     words = (*SHORT, "--out", out, *WORDS, *LOST, "--follow", "--checkpoint", tmp_path / "run.npz")
     found = answer(monkeypatch, *words, "--film", film, "--gif", gif)
     assert (found["outcome"], found["film"], found["gif"]) == ("ok", str(film), str(gif))
-    assert seen["forcing"] == Together((Tone(0.02, 3.0), Pulse(0.05, 9.0, 1, start=0.2)))
+    assert seen["forcing"] == Sum((Tone(0.02, 3.0), Pulse(0.05, 9.0, 1, start=0.2)))
     assert seen["losses"].wall == WallLoss(dilatation=0.01)
     assert (seen["losses"].stokes, seen["losses"].order, seen["losses"].bulk) == ("memory", 2, False)
     assert (seen["shell_density"], seen["follow"], seen["checkpoint"]) == (0.8, True, tmp_path / "run.npz")
@@ -82,7 +82,7 @@ def test_a_run_from_the_terminal_is_the_run_of_python(monkeypatch, tmp_path):
         step=0.1,
         elements=12,
         pressure=(jnp.array([0.0, 0.5, 2.0]), jnp.array([0.9, 1.0, 1.1])),
-        forcing=Together((Tone(0.02, 3.0), Pulse(0.05, 9.0, 1, start=0.2))),
+        forcing=Sum((Tone(0.02, 3.0), Pulse(0.05, 9.0, 1, start=0.2))),
         shell_density=0.8,
         losses=Losses(wall=WallLoss(dilatation=0.01), drag=Reynolds()),
         checkpoint=tmp_path / "run.npz",  # only the same run may read it
@@ -143,7 +143,7 @@ def test_a_pressure_in_si_is_read_by_the_conditions_of_the_command_line(tmp_path
         (("--gif", "x.png"), "--gif"),
         (("--gif", "/no/such/folder/x.gif"), "--gif"),
         (("--checkpoint", "/no/such/folder/x.npz"), "--checkpoint"),
-        (("--tone", "0.1", "-2"), "pulsation"),
+        (("--tone", "0.1", "-2"), "angular_frequency"),
     ],
 )
 def test_an_option_without_meaning_is_refused_before_the_work(words, place, monkeypatch, tmp_path):

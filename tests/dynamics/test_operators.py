@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from jshell.dynamics import Losses, kick, modes
-from jshell.dynamics.motion import Loads, advance, launch
+from jshell.dynamics.motion import Loads, advance, initialise
 from jshell.dynamics.operators import dense, free
 from jshell.dynamics.run import Setup, body_of
 from jshell.membrane import WallLoss
@@ -41,16 +41,26 @@ def each_way(body, q, u, v):
         "mass": (matrices.M @ v, actions.on_wall(actions.mass(v, y))),
         "slip": (matrices.W @ v, actions.slip(v, y)),
         "slip transposed": (matrices.W.T @ f, actions.on_wall(actions.slip_transposed(f))),
-        "turning": (matrices.T @ v, actions.on_wall(actions.turning(v))),
-        "turning transposed": (matrices.T.T @ v, actions.turning_transposed(v)),
+        "gyroscopic": (matrices.T @ v, actions.on_wall(actions.gyroscopic(v))),
+        "gyroscopic transposed": (matrices.T.T @ v, actions.gyroscopic_transposed(v)),
         "second order": (matrices.B @ v, actions.bulk(v)),
         "wall": (matrices.C @ v, actions.solid(v)),
-        "thrust": (matrices.thrust, actions.thrust),
+        "kinetic gradient": (matrices.kinetic_gradient, actions.kinetic_gradient),
     }
 
 
 @pytest.mark.parametrize(
-    "name", ["mass", "slip", "slip transposed", "turning", "turning transposed", "second order", "wall", "thrust"]
+    "name",
+    [
+        "mass",
+        "slip",
+        "slip transposed",
+        "gyroscopic",
+        "gyroscopic transposed",
+        "second order",
+        "wall",
+        "kinetic gradient",
+    ],
 )
 def test_actions_are_the_matrices(both, name):
     by_matrix, by_action = both[name]
@@ -62,7 +72,7 @@ def test_the_derivative_of_a_step_is_its_difference(moving):
     body, q, u, _ = moving
     load = jnp.asarray(1.62)
     rng = np.random.default_rng(0)
-    state = eqx.filter_jit(launch)(body, q, u, load, "current")
+    state = eqx.filter_jit(initialise)(body, q, u, load, "current")
     slip = 0.1 * jnp.max(jnp.abs(u)) * rng.normal(size=state.memory.shape)  # a layer with a past
     state = state._replace(memory=slip)
     along = jax.tree.map(lambda a: 0.1 * jnp.max(jnp.abs(a)) * rng.normal(size=a.shape), state)

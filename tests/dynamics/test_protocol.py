@@ -20,7 +20,7 @@ from jshell.dynamics import (
     simulate_many,
     swell,
 )
-from jshell.dynamics.ladder import LADDER, climb
+from jshell.dynamics.refinement import LEVELS, refine
 from jshell.errors import BadFile, BadShape, BadValue, Outcome
 from jshell.membrane import rest
 
@@ -31,7 +31,7 @@ def test_a_pressure_may_be_a_law_or_a_record(R):
     by_ramp = simulate(R, ramp=0.5, **SHORT)
     times = np.array([0.0, 0.5, 2.0])
     by_record = simulate(R, pressure=(times, np.array([0.9, 1.6, 1.6])), **SHORT)
-    by_law = simulate(R, pressure=Ramp(0.9, 1.6, 0.5), **SHORT)
+    by_law = simulate(R, pressure=Ramp(start=0.9, stop=1.6, duration=0.5), **SHORT)
     np.testing.assert_allclose(by_record["V"], by_ramp["V"], rtol=1e-12)
     np.testing.assert_allclose(by_law["V"], by_ramp["V"], rtol=1e-12)
 
@@ -119,14 +119,14 @@ def test_nodes_that_follow_the_rim_hear_the_same_snap(make_problem, snap):
     np.testing.assert_allclose(followed["V"], snap["V"], atol=2e-3)
 
 
-def test_a_ladder_stops_where_neighbours_agree_and_says_when_they_never_do():
-    found = climb(lambda rung: 1 + 10.0 / rung.elements**2, lambda a, b: abs(a - b), 1e-2)
+def test_refinement_stops_where_neighbours_agree_and_says_when_they_never_do():
+    found = refine(lambda level: 1 + 10.0 / level.elements**2, lambda a, b: abs(a - b), 1e-2)
     assert found.reached
-    assert found.rung == LADDER[2]
-    lost = climb(lambda rung: float(rung.elements), lambda a, b: abs(a - b), 1e-2)
+    assert found.level == LEVELS[2]
+    lost = refine(lambda level: float(level.elements), lambda a, b: abs(a - b), 1e-2)
     assert not lost.reached
     with pytest.raises(BadValue, match="tolerance"):
-        climb(lambda rung: 0.0, lambda a, b: 0.0, -1.0)
+        refine(lambda level: 0.0, lambda a, b: 0.0, -1.0)
 
 
 @pytest.mark.slow

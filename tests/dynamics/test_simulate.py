@@ -37,7 +37,7 @@ BOOKS = ("loss_layer", "lent_layer", "loss_bulk", "loss_wall", "loss_drag")
 
 
 def total_energy(trace):
-    """Kinetic, elastic and gas energy, what was lost or lent, less the work of the outer pressure."""
+    """Kinetic, elastic and gas energy, what was lost or stored, less the work of the outer pressure."""
     stored = trace["kinetic"] + trace["elastic"] + trace["gas"] - trace["work"]
     return np.asarray(stored + sum(trace[name] for name in BOOKS))
 

@@ -15,8 +15,8 @@ import psutil
 import pytest
 
 from jshell import engines
-from jshell.engines.quiet import quiet
 from jshell.errors import BadName, BadValue, WorkerLost
+from jshell.programs import quiet
 
 PATIENCE = 90.0  # [s] for a spawned process to begin and answer
 

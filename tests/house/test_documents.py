@@ -30,12 +30,12 @@ def test_examples_in_docstrings_print_what_they_say(name):
     assert runner.summarize(verbose=False).failed == 0
 
 
-def test_the_readmes_python_example_hears_the_snap():
+def test_the_readmes_python_example_finds_the_modes_of_the_snap():
     block = re.search(r"```python\n(.*?)```", README, re.S)
     assert block is not None
     names: dict = {}
     exec(block.group(1), names)
-    assert names["heard"].omega_minus == pytest.approx(1.07, abs=0.05)  # an independent code
+    assert names["found"].omega_minus == pytest.approx(1.07, abs=0.05)  # an independent code
 
 
 def test_the_readmes_terminal_lines_name_verbs_and_options_that_exist():

@@ -1,6 +1,7 @@
 """What importing the package does, and that its doors lead somewhere."""
 
 import importlib
+import os
 import pkgutil
 import subprocess
 import sys
@@ -16,9 +17,29 @@ ROOMS = sorted(
 )
 
 
-def test_importing_the_package_leaves_the_plotter_out():
-    code = "import sys, jshell; sys.exit('matplotlib' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+@pytest.mark.parametrize(
+    ("load", "left_out"),
+    [("jshell", {"jax", "numpy", "scipy", "jshell.calibration"}), ("jshell.calibration", {"matplotlib", "httpx"})],
+)
+def test_importing_leaves_out_what_is_not_needed_yet(load, left_out):
+    code = f"import sys, {load}; sys.exit(', '.join({left_out} & set(sys.modules)) or 0)"
+    done = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("load", ["jshell", "jshell.trace", "jshell.memory", "jax, jshell"])
+def test_numbers_are_float64_whatever_is_imported_first(load):
+    code = f"import {load}, jax.numpy as jnp; print(jnp.zeros(1).dtype)"
+    kept = {key: value for key, value in os.environ.items() if key != "JAX_ENABLE_X64"}
+    done = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, text=True, env=kept)
+    assert done.stdout.strip() == "float64", done.stderr
+
+
+def test_every_lazy_name_is_known_to_the_package_itself():
+    assert set(jshell.__all__) <= set(dir(jshell))
+    with pytest.raises(AttributeError, match="no attribute 'nonesuch'"):
+        _ = jshell.nonesuch
+    assert jshell.Trace is importlib.import_module("jshell.trace").Trace
 
 
 def test_importing_the_package_leaves_the_service_out_until_its_client_is_asked_for():

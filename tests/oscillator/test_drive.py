@@ -195,7 +195,7 @@ def test_harmonics_and_spectrum_find_the_tones_that_are_there():
     np.testing.assert_allclose(found[:, 1], [0, 0, 0, 1, 0, 0], atol=1e-12)
     heard = spectrum(t, values[:, 0])
     peak = int(jnp.argmax(heard.amplitude))
-    assert float(heard.pulsation[peak]) == pytest.approx(1.0, abs=0.03)
+    assert float(heard.angular_frequency[peak]) == pytest.approx(1.0, abs=0.03)
     assert float(heard.amplitude[peak]) == pytest.approx(0.3, rel=1e-2)
 
 

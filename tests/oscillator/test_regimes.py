@@ -9,14 +9,14 @@ from jshell.errors import BadName, BadValue, Outcome
 from jshell.oscillator import (
     SOURCE,
     Drag,
-    Swing,
+    RaisedCosine,
     bifurcation,
     crossing,
-    follow,
     matrices,
     random_shell,
     response_curve,
     simulate,
+    simulate_regimes,
     softening,
     thresholds,
 )
@@ -33,18 +33,18 @@ def test_a_slow_cycle_of_the_pressure_closes_and_turns_at_the_printed_loads(shel
     period = 1500.0
     times = np.linspace(0.0, 2 * period, 2001)
     rest = float(shell.outer_pressure)
-    swing = Swing(0.80 - rest, 1.30 - rest, period)
-    passage = follow(shell, constants, swing, times=times, drag=DECAY)
-    assert passage.outcome == Outcome.OK
-    assert [switch.buckles for switch in passage.switches] == [True, False, True, False]
-    V = np.asarray(passage.trace["V"])
+    swing = RaisedCosine(0.80 - rest, 1.30 - rest, period)
+    trajectory = simulate_regimes(shell, constants, swing, times=times, drag=DECAY)
+    assert trajectory.outcome == Outcome.OK
+    assert [switch.buckles for switch in trajectory.switches] == [True, False, True, False]
+    V = np.asarray(trajectory.trace["V"])
     np.testing.assert_allclose(V[1000:], V[:1001], atol=1e-6)
-    at = passage.thresholds
+    at = trajectory.thresholds
     # the pressure still creeps at a switch, and ringing reaches the limit a little early
-    assert passage.switches[0].outer_pressure == pytest.approx(at.buckling_pressure, rel=1e-3)
-    assert passage.switches[1].outer_pressure == pytest.approx(at.unbuckling_pressure, rel=2e-3)
-    assert passage.accepted > 1000
-    assert passage.rejected > 0
+    assert trajectory.switches[0].outer_pressure == pytest.approx(at.buckling_pressure, rel=1e-3)
+    assert trajectory.switches[1].outer_pressure == pytest.approx(at.unbuckling_pressure, rel=2e-3)
+    assert trajectory.accepted > 1000
+    assert trajectory.rejected > 0
 
 
 def test_the_loads_of_the_hysteresis_are_those_of_the_rest_states(shell, constants):
@@ -64,7 +64,7 @@ def test_the_loads_of_the_hysteresis_are_those_of_the_rest_states(shell, constan
 
 def test_a_wrong_beginning_is_refused(shell, constants):
     with pytest.raises(BadName, match="begin"):
-        follow(shell, constants, lambda t: 0.0, times=np.linspace(0, 1, 3), begin="cube")
+        simulate_regimes(shell, constants, lambda t: 0.0, times=np.linspace(0, 1, 3), begin="cube")
 
 
 def test_a_small_tone_answers_as_the_linear_model_says(shell, constants):

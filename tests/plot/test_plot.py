@@ -168,7 +168,7 @@ def test_a_laboratory_reads_milliseconds_and_millimetres():
     line = _line(ax, "H")
     np.testing.assert_allclose(line.get_ydata(), trace["H"] * 22.5)
     np.testing.assert_allclose(line.get_xdata(), trace.times * scales.time * 1e3)
-    assert "Hz" in plot.heard(trace, _heard(scales), "H", laboratory=True).texts[0].get_text()
+    assert "Hz" in plot.identified_modes(trace, _heard(scales), "H", laboratory=True).texts[0].get_text()
     with pytest.raises(BadValue):
         plot.channel(_ring(), "H", laboratory=True)
 
@@ -176,7 +176,7 @@ def test_a_laboratory_reads_milliseconds_and_millimetres():
 def test_what_was_heard_lies_on_a_record_of_two_modes():
     trace = _ring()
     found = _heard()
-    ax = plot.heard(trace, found)
+    ax = plot.identified_modes(trace, found)
     curve = _line(ax, "two modes")
     np.testing.assert_allclose(curve.get_ydata(), trace["V"] / (4 * np.pi / 3), atol=1e-8)
     assert np.ptp(_line(ax, "residual").get_ydata()) < 1e-8
@@ -195,9 +195,9 @@ def test_the_curve_drawn_is_the_one_that_was_heard():
 def test_nothing_heard_is_refused():
     deaf = replace(_heard(), outcome=Outcome.UNUSABLE_DATA, reason="too short", omega_minus=None)
     with pytest.raises(NotOk, match="too short"):
-        plot.heard(_ring(), deaf)
+        plot.identified_modes(_ring(), deaf)
     with pytest.raises(BadName):
-        plot.heard(_ring(), _heard(), "S")
+        plot.identified_modes(_ring(), _heard(), "S")
 
 
 def test_the_fitted_master_curve_passes_through_the_points_of_its_law():

@@ -1,4 +1,4 @@
-"""How a wall's momentum in the liquid turns with the wall: ∂(M u)/∂q at fixed velocity.
+"""How the momentum of the liquid changes with the shape of the wall: ∂(M u)/∂q at fixed velocity.
 
 The antisymmetric part of this matrix is the gyroscopic force of the moving
 wall. A massless wall slides so lightly that this force is stiff, and a time
@@ -36,7 +36,7 @@ from jshell.flow.wall_motion import (
 )
 
 
-class Turning(NamedTuple):
+class GyroscopicParts(NamedTuple):
     """Change of momentum by displacements: sources that act through the potential, rings carried, rings held."""
 
     source: Columns
@@ -44,18 +44,18 @@ class Turning(NamedTuple):
     held: Float[Array, "coordinates columns"]
 
 
-def turning(
+def gyroscopic(
     shape: Meridian, q: Float[Array, "coordinates"], current: Flow, u: Float[Array, "coordinates"]
 ) -> Float[Array, "coordinates coordinates"]:
     """Matrix ∂(M u)/∂q of a shape moving with velocity u [ρ_f R0³ · velocity/R0]."""
-    parts = turned(shape, current.parts.curve, current.potential @ u, u, every_motion(shape))
+    parts = gyroscopic_parts(shape, current.parts.curve, current.potential @ u, u, every_motion(shape))
     potentials = shape.potential_basis[0] @ current.potential
     return potentials.T @ parts.source + current.flux.T @ parts.carried + parts.held
 
 
-def turned(
+def gyroscopic_parts(
     shape: Meridian, curve: Curve, y: Float[Array, "nodes"], u: Float[Array, "coordinates"], moved: WallMotion
-) -> Turning:
+) -> GyroscopicParts:
     """The parts of ∂(M u)/∂q that act on one displacement or on many; y is the potential of u."""
     ds = speed(curve)
     kappa1, twice_H, stretching = curvatures(curve)
@@ -80,4 +80,4 @@ def turned(
     on_x = shape.x_basis[0].T @ (column(load * curve.r1) * moved.r + column(load * curve.r) * moved.r1)
     on_r = -shape.r_basis[0].T @ (column(load * curve.r) * moved.x1 + column(load * curve.x1) * moved.r)
     held = jnp.concatenate([on_x, on_r])
-    return Turning(column(weights * curve.r * ds) * source, column(weights) * carried, held)
+    return GyroscopicParts(column(weights * curve.r * ds) * source, column(weights) * carried, held)

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jshell.contour import meridian
-from jshell.flow import added_mass, flow, turning
+from jshell.flow import added_mass, flow, gyroscopic
 
 
 def smooth(mesh, seed):
@@ -26,7 +26,7 @@ def compared(mesh, ways, tests):
     """Both derivatives along the same displacements, tested against the same motions."""
     q = mesh.sphere + 0.04 * ways[0]
     u = ways[1]
-    shaped = turning(mesh, q, flow(mesh, q), u)
+    shaped = gyroscopic(mesh, q, flow(mesh, q), u)
     along = lambda way: jax.jvp(lambda q: added_mass(mesh, q) @ u, (q,), (way,))[1]  # noqa: E731
     return tests @ shaped @ ways.T, tests @ jax.vmap(along)(ways).T
 
