@@ -5,7 +5,7 @@ motions bound what a useful sampling and duration can be; a wall that hardly
 stretches bounds area and lengths, the gas bounds the pressure. The bounds are
 wide, since they shall only catch powers of ten; what lies outside is warned of, not refused.
 
-Symbols    ω pulsation [sqrt(E d/(ρ_f R0³))]   κ polytropic exponent   P̂ext outer pressure
+Symbols    ω angular frequency [sqrt(E d/(ρ_f R0³))]   κ polytropic exponent   P̂ext outer pressure
 Source     Mokbel et al. 2021: eq:wsphere; ω of attached shells, section "Experiments"
 """
 
@@ -22,8 +22,8 @@ from jshell.quantities import UNITS
 from jshell.shell.parameters import Reduced, Scales
 
 FEWEST = 8  # samples that make a record: fewer say nothing about its sampling
-SLOWEST = 0.3  # pulsation of the slowest shells seen, attached ones of R: 0.39
-BREATHING = 4.0  # squared pulsation 4 K_A/R0 that an incompressible wall adds to 3 κ P: eq:wsphere
+SLOWEST = 0.3  # angular frequency of the slowest shells seen, attached ones of R: 0.39
+BREATHING = 4.0  # squared angular frequency 4 K_A/R0 that an incompressible wall adds to 3 κ P: eq:wsphere
 # A wall of nearly uncompressed area: no length above half a meridian, π; no area far from 4π.
 _RANGES = {"V": (0.02 * SPHERE, np.inf), "S": (0.6, 40.0), "H": (0.02, 4.0), "W": (0.1, 4.0)}
 PRESSURES = 100.0  # factor between a pressure channel and the gas or outer pressure of the conditions
