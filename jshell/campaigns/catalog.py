@@ -25,7 +25,7 @@ import numpy as np
 
 from jshell.campaigns.perform import Result
 from jshell.campaigns.planned import Run
-from jshell.campaigns.store import Store
+from jshell.campaigns.store import RunStore
 from jshell.campaigns.writing import read_design
 from jshell.errors import BadFile, Outcome, choose, require_extra
 
@@ -180,7 +180,7 @@ def catalog(folder: str | Path | None = None) -> Catalog:
         >>> len(campaigns.catalog()) >= 60
         True
     """
-    store = Store(shipped() if folder is None else Path(folder))
+    store = RunStore(shipped() if folder is None else Path(folder))
     if not store.design.exists():
         raise BadFile(
             str(store.folder),

@@ -19,7 +19,7 @@ from jshell.campaigns.catalog import Catalog, catalog
 from jshell.campaigns.design import Design
 from jshell.campaigns.perform import perform
 from jshell.campaigns.planned import Run
-from jshell.campaigns.store import Store
+from jshell.campaigns.store import RunStore
 from jshell.campaigns.writing import design_text, read_design
 from jshell.errors import BadFile, WorkerLost
 
@@ -76,7 +76,7 @@ def run(
         ['ok'] [1.03]
     """
     design = design if isinstance(design, Design) else read_design(design)
-    store = Store(Path(out))
+    store = RunStore(Path(out))
     store.begin()
     text = design_text(design)
     kept = read_design(store.design) if store.design.exists() else design
@@ -103,7 +103,7 @@ def run(
     return found
 
 
-def _work(waiting: Iterable[Run], store: Store, engine: Executor, report: Callable, total: int) -> None:
+def _work(waiting: Iterable[Run], store: RunStore, engine: Executor, report: Callable, total: int) -> None:
     """Hand out runs, keep results as they come, hand lost ones out again."""
     queue = [(one, 1) for one in waiting]
     done = total - len(queue)

@@ -30,7 +30,7 @@ UNFINISHED = ".new"
 
 
 @dataclass(frozen=True)
-class Store:
+class RunStore:
     """A campaign's folder.
 
     Raises:

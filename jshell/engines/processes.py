@@ -55,7 +55,7 @@ class Task:
         return f"task {getattr(fn, '__qualname__', repr(fn))}({shown})"
 
 
-class Worker:
+class _ProcessWorker:
     """One process and our end of its pipe; replaced when it has died.
 
     Args:
@@ -145,7 +145,7 @@ class Processes(Executor):
         self._change = threading.Condition()
         self._waiting: deque[Task] = deque()
         self._closed = False
-        self._workers = [Worker(settings) for _ in range(workers)]
+        self._workers = [_ProcessWorker(settings) for _ in range(workers)]
         self._threads = [
             threading.Thread(target=self._live, args=(worker,), name=f"jshell process {number}", daemon=True)
             for number, worker in enumerate(self._workers)
@@ -207,7 +207,7 @@ class Processes(Executor):
                         worker.kill()
         self.shutdown(wait=True)
 
-    def _live(self, worker: Worker) -> None:
+    def _live(self, worker: _ProcessWorker) -> None:
         """Let a worker do one task after another, until the engine is closed and none waits."""
         while (task := self._next()) is not None:
             with contextlib.suppress(OSError):  # then the task is lost, and says so
@@ -232,7 +232,7 @@ class Processes(Executor):
             return self._waiting.popleft() if self._waiting else None
 
 
-def _asked(worker: Worker, task: Task) -> tuple[Any, Exception | None]:
+def _asked(worker: _ProcessWorker, task: Task) -> tuple[Any, Exception | None]:
     """What a task returned, or why it did not."""
     try:
         call = pickle.dumps(task.call)

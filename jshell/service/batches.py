@@ -127,7 +127,8 @@ def unpack_result(content: bytes, name: str = "record.npz") -> BatchResult:
     Raises:
         BadFile: Not such a file.
     """
-    arrays = {key: array.copy() for key, array in archives.unpack(content, name).items() if key != "names"}
+    arrays = archives.unpack(content, name)
+    arrays.pop("names", None)
     try:
         directions = zip(arrays.pop("free_rows").tolist(), arrays.pop("free_words").tolist(), strict=True)
         absolute = bool(arrays.pop("absolute"))

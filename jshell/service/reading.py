@@ -27,7 +27,7 @@ UPLOAD_SLOTS = threading.BoundedSemaphore(MAX_UPLOADS)
 
 
 @dataclass(frozen=True)
-class Look:
+class TraceContent:
     """What is in a file of a trace.
 
     Attributes:
@@ -46,7 +46,7 @@ class Look:
         return usual_channels([self.trace])[0]
 
 
-def look(name: str, content: bytes) -> Look:
+def inspect(name: str, content: bytes) -> TraceContent:
     """Read an upload.
 
     Args:
@@ -61,7 +61,7 @@ def look(name: str, content: bytes) -> Look:
         sheet = read_sheet(NamedBytes(name, content), ("t",))
         trace = trace_of_sheet(sheet)
     units = {one: unit or PURE for one, unit in zip(sheet.names, sheet.units, strict=True)}
-    return Look(trace, units, tuple(dict.fromkeys(str(one.message) for one in caught)))
+    return TraceContent(trace, units, tuple(dict.fromkeys(str(one.message) for one in caught)))
 
 
 def check_one_readable(files: Sequence[tuple[str, bytes]]) -> None:
@@ -75,7 +75,7 @@ def check_one_readable(files: Sequence[tuple[str, bytes]]) -> None:
         if name.lower().endswith((".zip", ".npz")):
             return
         try:
-            look(name, content)
+            inspect(name, content)
         except JshellError as error:
             first = first or error
         else:
@@ -84,19 +84,19 @@ def check_one_readable(files: Sequence[tuple[str, bytes]]) -> None:
         raise first
 
 
-def looked(store: Store, trace: str) -> tuple[str, Look]:
+def inspected(store: Store, trace: str) -> tuple[str, TraceContent]:
     """Name and content of a stored trace; read once as long as it is asked for often.
 
     Raises:
         NotFound: No such trace.
     """
-    return _looked(store, trace)
+    return _inspected(store, trace)
 
 
 @functools.lru_cache(maxsize=MAX_CACHED_TRACES)
-def _looked(store: Store, trace: str) -> tuple[str, Look]:
+def _inspected(store: Store, trace: str) -> tuple[str, TraceContent]:
     row = store.trace(trace)
-    return row.name, look(row.name, store.trace_content(trace))
+    return row.name, inspect(row.name, store.trace_content(trace))
 
 
 def with_conditions(name: str, content: bytes, given: Mapping[str, float]) -> tuple[str, bytes]:

@@ -3,7 +3,7 @@
 One compiled program serves every request: sizes are fixed, and all that a
 request brings is numbers.
 
-Symbols    ω± pulsations [sqrt(E d/(ρ_f R0³))]   V volume [R0³]   S area [R0²]   τ decay time
+Symbols    ω± angular frequencies [sqrt(E d/(ρ_f R0³))]   V volume [R0³]   S area [R0²]   τ decay time
 Source     Mokbel et al. 2021: eq:defw, fig:soft, eq:taureal
 """
 
@@ -30,7 +30,7 @@ REACH = 1.6  # the curve goes up to so many buckling loads
 
 
 @dataclass(frozen=True)
-class Answer:
+class ModelAnswer:
     """What the short model says of a shell; NaN where it says nothing.
 
     Attributes:
@@ -40,7 +40,7 @@ class Answer:
         rest: Volume and pressure at rest.
         softening: Buckling load, then sphere before over ω-, ω+ and Marmottant's after.
         loads: (LOADS,) outer pressures.
-        crossing: (4, LOADS) pulsations of sphere, ω-, ω+, Marmottant.
+        crossing: (4, LOADS) angular frequencies of sphere, ω-, ω+, Marmottant.
         times: (SAMPLES,).
         motion: (2, SAMPLES) V and S.
     """
@@ -56,7 +56,7 @@ class Answer:
     motion: np.ndarray
 
 
-def answer(conditions: Reduced, coefficients: Coefficients = SOURCE, duration: float | int = 60.0) -> Answer:
+def answer(conditions: Reduced, coefficients: Coefficients = SOURCE, duration: float | int = 60.0) -> ModelAnswer:
     """All that the short model says of a shell.
 
     Args:
@@ -70,7 +70,7 @@ def answer(conditions: Reduced, coefficients: Coefficients = SOURCE, duration: f
         warnings.simplefilter("ignore")  # the page and the API say the range of the law beside the numbers
         found = [np.asarray(part) for part in _all(conditions.as_arrays(), jnp.asarray(numbers, dtype=float))]
     outcome, omega, tau, rest, softening, loads, crossing, times, motion = found
-    return Answer(
+    return ModelAnswer(
         Outcome(int(outcome)), omega, float(tau), rest, softening, loads, crossing, times, motion
     )  # fmt: skip
 

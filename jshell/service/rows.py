@@ -11,7 +11,7 @@ from jshell.service.tables import CANCELLED, DONE, FAILED
 
 
 @dataclasses.dataclass(frozen=True)
-class Failure:
+class JobFailure:
     """Why a job has no result, in the words of the library's errors.
 
     Attributes:
@@ -63,7 +63,7 @@ class JobRow:
     started: float | None
     finished: float | None
     progress: float
-    error: Failure | None
+    error: JobFailure | None
 
     @property
     def over(self) -> bool:
@@ -84,7 +84,7 @@ def job_of(row: Any) -> JobRow:
     return JobRow(
         row.id, row.kind, row.state, json.loads(row.specification), tuple(json.loads(row.traces)), row.attempt,
         row.owner, row.created, row.started, row.finished, float(row.progress),
-        None if row.error is None else Failure(**json.loads(row.error)),
+        None if row.error is None else JobFailure(**json.loads(row.error)),
     )  # fmt: skip
 
 

@@ -278,7 +278,7 @@ class SimulateOut(BaseModel):
     volume: float | None
     pressure: float | None
     softening: dict[str, float | None] = Field(description="Sphere before buckling over the buckled shell after it.")
-    crossing: dict[str, list[float | None]] = Field(description="Pulsations over the outer pressure.")
+    crossing: dict[str, list[float | None]] = Field(description="Angular frequencies over the outer pressure.")
     trace: dict[str, list[float | None]] = Field(description="t, V and S after a push of one percent of the volume.")
     conditions: dict[str, float]
     coefficients: dict[str, float | None] = Field(description="beta1 is null where the shell is not buckled.")

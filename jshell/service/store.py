@@ -19,7 +19,7 @@ from jshell.errors import BadStore, BadValue, NotFound, QueueFull, StoreUnavaila
 from jshell.service import statements, uploads
 from jshell.service.database import Database
 from jshell.service.notifier import Notifier
-from jshell.service.rows import Failure, JobRow, Submission, content_of, job_of, key_conflict, unknown_job
+from jshell.service.rows import JobFailure, JobRow, Submission, content_of, job_of, key_conflict, unknown_job
 from jshell.service.tables import CANCELLED, DONE, FAILED, QUEUED, RUNNING, STATES, heartbeats, jobs, results
 from jshell.service.uploads import TraceRow, Upload
 
@@ -278,13 +278,13 @@ class Store:
         with self.database.writing() as connection:
             return connection.execute(_held(job, owner, attempt).values(**values)).rowcount == 1
 
-    def finish(self, job: str, owner: str, attempt: int, outcome: Mapping[str, bytes] | Failure) -> bool:
+    def finish(self, job: str, owner: str, attempt: int, outcome: Mapping[str, bytes] | JobFailure) -> bool:
         """Record what a job made, or why it failed; once, and only by who holds it.
 
         Returns:
             False where it is no longer the owner's; nothing was recorded then.
         """
-        failed = isinstance(outcome, Failure)
+        failed = isinstance(outcome, JobFailure)
         change = _held(job, owner, attempt).values(
             state=FAILED if failed else DONE,
             finished=self.database.clock,
@@ -327,7 +327,7 @@ class Store:
         now, deaths = self.database.clock, jobs.c.deaths + int(died)
         given_up = deaths >= self.attempts if died else sa.false()
         rest = QUIET * jobs.c.deaths if died else sa.literal(0.0)
-        error = Failure(
+        error = JobFailure(
             DIED,
             "worker",
             f"worker died: {self.attempts} times in the middle of this job",

@@ -44,7 +44,7 @@ _USUAL = {"d_hat": 0.22, "P0_hat": 0.9, "Pext_hat": 1.6, "eta_hat": 0.004}
 
 
 @dataclass(frozen=True)
-class Answer:
+class TaskResult:
     """How a job ended: files by name, or an error; with a traceback for the log where jshell itself is at fault."""
 
     files: Mapping[str, bytes]
@@ -73,7 +73,7 @@ def ready(warm: bool = False, nice: int | None = None) -> int:
     return os.getpid()
 
 
-def run(kind: str, specification: Mapping[str, Any], files: Sequence[tuple[str, bytes | FileRef]] = ()) -> Answer:
+def run(kind: str, specification: Mapping[str, Any], files: Sequence[tuple[str, bytes | FileRef]] = ()) -> TaskResult:
     """Do a job.
 
     Args:
@@ -85,13 +85,13 @@ def run(kind: str, specification: Mapping[str, Any], files: Sequence[tuple[str, 
         given = [NamedBytes(name, found.view() if isinstance(found, FileRef) else found) for name, found in files]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # a result carries its own warnings
-            return Answer(_TASKS[kind](specification, given))
+            return TaskResult(_TASKS[kind](specification, given))
     except JshellError as error:
-        return Answer({}, error.record())
+        return TaskResult({}, error.record())
     except MemoryError:
-        return Answer({}, _TOO_LARGE.record())
+        return TaskResult({}, _TOO_LARGE.record())
     except Exception as error:  # the outer edge of the worker
-        return Answer({}, None, f"{error!r}\n{traceback.format_exc()}")
+        return TaskResult({}, None, f"{error!r}\n{traceback.format_exc()}")
 
 
 def fit(specification: Mapping[str, Any], files: Files) -> dict[str, bytes]:

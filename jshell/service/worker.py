@@ -26,7 +26,7 @@ from jshell.errors import BadStore, JshellError, LimitReached, StoreUnavailable,
 from jshell.service import tasks
 from jshell.service.settings import Settings
 from jshell.service.shared_file import FileRef, SharedFile
-from jshell.service.store import Failure, JobRow, Store
+from jshell.service.store import JobFailure, JobRow, Store
 
 log = logging.getLogger("jshell.service")
 PROGRAMS = "jax_compilation_cache_dir"
@@ -90,10 +90,10 @@ class Worker:
 
 
 @dataclass(frozen=True)
-class _Ended:
+class _Stopped:
     """A job that was stopped from here: what to record, or nothing where it is no longer ours."""
 
-    failure: Failure | None
+    failure: JobFailure | None
 
 
 class _Slot:
@@ -201,8 +201,8 @@ class _Slot:
             self._put_back(job, error)
             return
         except Exception as error:  # a cluster without jshell, or another one: for the log, not for the user
-            ended = _Ended(self._fault(job, repr(error)))
-        outcome = ended.failure if isinstance(ended, _Ended) else self._outcome(job, ended)
+            ended = _Stopped(self._fault(job, repr(error)))
+        outcome = ended.failure if isinstance(ended, _Stopped) else self._outcome(job, ended)
         if outcome is None:
             return
         if not self._insist(lambda: self.store.finish(job.id, self.owner, job.attempt, outcome)):
@@ -225,7 +225,7 @@ class _Slot:
         if not isinstance(self._engine, Processes):
             self.close()
 
-    def _watch(self, job: JobRow, future: Future) -> tasks.Answer | _Ended:
+    def _watch(self, job: JobRow, future: Future) -> tasks.TaskResult | _Stopped:
         """Wait for a job; end it where it reaches a limit, is no longer ours, or the service ends."""
         began = time.monotonic()
         while True:
@@ -237,16 +237,16 @@ class _Slot:
             if self.worker.ending.is_set():
                 self._end(future)
                 self._insist(lambda: self.store.release(job.id, self.owner, job.attempt))
-                return _Ended(None)
+                return _Stopped(None)
             if self._lost is job:
                 self._end(future)
-                return _Ended(None)
+                return _Stopped(None)
             reached = self._limit(time.monotonic() - began)
             if reached is not None:
                 self._end(future)
-                return _Ended(reached)
+                return _Stopped(reached)
 
-    def _limit(self, seconds: float) -> Failure | None:
+    def _limit(self, seconds: float) -> JobFailure | None:
         """The limit that a job has reached, if any; only of processes, which can be killed."""
         if not isinstance(self._engine, Processes):
             return None
@@ -278,17 +278,17 @@ class _Slot:
                     break
         return change()
 
-    def _outcome(self, job: JobRow, answer: tasks.Answer) -> Mapping[str, bytes] | Failure:
+    def _outcome(self, job: JobRow, answer: tasks.TaskResult) -> Mapping[str, bytes] | JobFailure:
         if answer.fault is not None:
             return self._fault(job, answer.fault)
         if answer.error is not None:
-            return Failure(**answer.error)
+            return JobFailure(**answer.error)
         return answer.files
 
-    def _fault(self, job: JobRow, words: str) -> Failure:
+    def _fault(self, job: JobRow, words: str) -> JobFailure:
         number = secrets.token_hex(4)
         log.error("job %s, error %s: %s", job.id, number, words)
-        return Failure(
+        return JobFailure(
             "internal",
             f"job {job.id}",
             f"a fault of jshell itself, error {number} in the log of the service",
@@ -297,9 +297,9 @@ class _Slot:
         )
 
 
-def _reached(what: str, found: str, most: str, advice: str) -> Failure:
+def _reached(what: str, found: str, most: str, advice: str) -> JobFailure:
     error = LimitReached(f"{what} of a job", found=found, expected=most, remedy=f"{advice}, or raise the setting.")
-    return Failure(**error.record())
+    return JobFailure(**error.record())
 
 
 def _resident(process: int | None) -> int | None:

@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from jshell import campaigns
-from jshell.campaigns.store import RUNS, Store
+from jshell.campaigns.store import RUNS, RunStore
 from jshell.cli.main import app
 from jshell.errors import BadFile, BadName
 
@@ -50,7 +50,7 @@ def test_dataset_holds_the_table_and_the_records(shipped):
 
 
 def test_damaged_file_is_named(undisturbed, small, tmp_path):
-    store = Store(tmp_path)
+    store = RunStore(tmp_path)
     store.begin()
     campaigns.write_design(store.design, small)
     first, second = list(small.runs())[:2]

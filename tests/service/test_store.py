@@ -13,10 +13,10 @@ import sqlalchemy as sa
 from jshell.errors import BadName, BadStore, BadValue, KeyConflict, NotFound, QueueFull
 from jshell.service import checkpoints, tables
 from jshell.service import store as stores
-from jshell.service.store import Failure, Store
+from jshell.service.store import JobFailure, Store
 from jshell.service.uploads import Upload
 
-WRONG = Failure("bad_value", "here", "1", "2", "Try 2.")
+WRONG = JobFailure("bad_value", "here", "1", "2", "Try 2.")
 
 
 def asked(store: Store, number: int = 0, key: str | None = None):

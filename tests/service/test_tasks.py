@@ -276,6 +276,15 @@ def test_a_damaged_archive_is_refused(name, content):
         batches.unpack_result(content)
 
 
+def test_an_array_that_claims_more_than_it_holds_is_refused_before_memory_is_asked_for():
+    file, head = streams.BytesIO(), streams.BytesIO()
+    np.lib.format.write_array_header_1_0(head, {"descr": "<f8", "fortran_order": False, "shape": (10**15,)})
+    with zipfile.ZipFile(file, "w") as archive:
+        archive.writestr("values.npy", head.getvalue() + bytes(16))
+    with pytest.raises(BadFile, match="holds 16 bytes for a claim of 8000000000000000"):
+        archives.unpack(file.getvalue(), "a.npz")
+
+
 def test_pickles_are_never_opened():
     file = streams.BytesIO()
     np.savez(file, values=np.array([{"code": "any"}], dtype=object), times=np.zeros(3))

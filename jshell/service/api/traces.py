@@ -11,7 +11,7 @@ from pydantic import TypeAdapter, ValidationError
 from jshell.errors import BadValue, JshellError
 from jshell.service.api.answers import ONCE, Before, Limit, Name, binary, problem_responses
 from jshell.service.problems import brief, problem
-from jshell.service.reading import UPLOAD_SLOTS, Look, conditions_of, look, looked, with_conditions
+from jshell.service.reading import UPLOAD_SLOTS, TraceContent, conditions_of, inspect, inspected, with_conditions
 from jshell.service.safety import attachment, clean_name
 from jshell.service.schemas import TraceOut, TracePage, TraceRead
 from jshell.service.state import Here
@@ -42,7 +42,7 @@ def upload(
         name, content = clean_name(file.filename), file.file.read()
         if conditions:
             name, content = with_conditions(name, content, numbers(conditions))
-        found = look(name, content)
+        found = inspect(name, content)
         row = here.store.add_trace(name, content)
     return JSONResponse(read_out(row, found), 201, headers={"Location": f"/api/v1/traces/{row.id}"})
 
@@ -73,7 +73,7 @@ def one(here: Here, id: Name) -> dict[str, Any]:
     """What was read in a trace: channels, units, conditions."""
     row = here.store.trace(id)
     try:
-        found = looked(here.store, id)[1]
+        found = inspected(here.store, id)[1]
     except JshellError as error:
         return unread(row, error)
     return read_out(row, found)
@@ -103,7 +103,7 @@ def row_out(row: TraceRow) -> dict[str, Any]:
     return {name: getattr(row, name) for name in TraceOut.model_fields}
 
 
-def read_out(row: TraceRow, found: Look) -> dict[str, Any]:
+def read_out(row: TraceRow, found: TraceContent) -> dict[str, Any]:
     """Fields of `TraceRead`."""
     trace = found.trace
     times = np.asarray(trace.times, dtype=float)

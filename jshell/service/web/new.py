@@ -16,7 +16,7 @@ from jshell.io.headers import REDUCED_KEYS, SHARED_KEYS, SI_KEYS
 from jshell.quantities import QUANTITIES
 from jshell.service.jobs import fit_specification, packed
 from jshell.service.preview import Preview, preview
-from jshell.service.reading import UPLOAD_SLOTS, Look, conditions_of, look, looked, with_conditions
+from jshell.service.reading import UPLOAD_SLOTS, TraceContent, conditions_of, inspect, inspected, with_conditions
 from jshell.service.safety import clean_name
 from jshell.service.state import Here, Service
 from jshell.service.web import drawing, series
@@ -80,7 +80,7 @@ def _kept(request: Request, here: Service, given: Sequence[tuple[str, bytes]]) -
         ids, lacking = [], []
         for name, content in given:
             try:
-                if look(name, content).trace.conditions is None:
+                if inspect(name, content).trace.conditions is None:
                     lacking.append(name)
             except BadUnits:
                 lacking.append(name)  # units without conditions; what else is wrong the next page says
@@ -130,7 +130,7 @@ def _given(request: Request, here: Service, traces: list[str], fields: dict[str,
         for trace in traces:
             row = here.store.trace(trace)
             name, content = with_conditions(row.name, here.store.trace_content(trace), numbers)
-            if look(name, content).trace.conditions is None:
+            if inspect(name, content).trace.conditions is None:
                 raise BadFile(
                     "conditions", found="none", expected="thickness, pressures, viscosity", remedy="Fill in one column."
                 )
@@ -215,12 +215,12 @@ def configured(request: Request, here: Service, asked: FitForm, status: int) -> 
     return shown(request, "new.html", given, status)
 
 
-def _looks(here: Service, traces: Sequence[str]) -> tuple[list[str], list[Look]]:
-    pairs = [looked(here.store, trace) for trace in traces]
+def _looks(here: Service, traces: Sequence[str]) -> tuple[list[str], list[TraceContent]]:
+    pairs = [inspected(here.store, trace) for trace in traces]
     return [name for name, _ in pairs], [one for _, one in pairs]
 
 
-def _previewed(asked: FitForm, looks: Sequence[Look]) -> Preview:
+def _previewed(asked: FitForm, looks: Sequence[TraceContent]) -> Preview:
     fix = {
         name: float(asked.number(f"value.{name}"))
         for name in SYMBOLS
@@ -237,7 +237,7 @@ def _previewed(asked: FitForm, looks: Sequence[Look]) -> Preview:
     )
 
 
-def _time(looks: Sequence[Look]) -> tuple[str, float]:
+def _time(looks: Sequence[TraceContent]) -> tuple[str, float]:
     """In which unit the form asks for times, and how many of it are one dimensionless unit."""
     read = [series.reading(one.trace, "t", laboratory=one.trace.scales is not None) for one in looks]
     if len({(one.unit, one.factor) for one in read}) > 1 or not read[0].unit:
@@ -252,7 +252,7 @@ def _begin(found: Preview | None, name: str) -> str:
     return ", ".join(f"{value:.4g}" for value in values[:4]) + (" …" if len(values) > 4 else "") or "–"
 
 
-def _facts(id: str, name: str, found: Look) -> dict[str, Any]:
+def _facts(id: str, name: str, found: TraceContent) -> dict[str, Any]:
     trace = found.trace
     times = np.asarray(trace.times, dtype=float)
     time = series.reading(trace, "t", laboratory=trace.scales is not None)

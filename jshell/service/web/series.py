@@ -156,7 +156,7 @@ def of_trace(trace: Trace, channels: Sequence[str]) -> list[Plot]:
 
 
 def of_answer(found: Mapping[str, Any]) -> list[Plot]:
-    """Pulsations over the outer pressure, and the motion after a push, from the API's own answer."""
+    """Angular frequencies over the outer pressure, and the motion after a push, from the API's own answer."""
     row = lambda values: np.array([np.nan if x is None else x for x in values], dtype=float)  # noqa: E731
     curve, trace = found["crossing"], found["trace"]
     at = row(curve["P_ext"])
@@ -167,13 +167,14 @@ def of_answer(found: Mapping[str, Any]) -> list[Plot]:
         Line("Marmottant", ORANGE, row(curve["marmottant"]), 1.2, (5, 4)),
     )
     load = found["softening"]["load"]
-    words = "Pulsations over the outer pressure: the sphere's, and beyond buckling ω₋, ω₊ and Marmottant's."
+    words = "Angular frequencies over the outer pressure: the sphere's, and beyond buckling ω₋, ω₊ and Marmottant's."
     words += (
         f" Buckling at {load:.4g}; the marked outer pressure is {found['conditions']['Pext_hat']:.4g}." if load else ""
     )
     plots = [
         Plot(
-            "Pulsation over outer pressure", words, "outer pressure P̂ext [E d/R₀]", "ω [√(E d/ρ R₀³)]", at, lines,
+            "Angular frequency over outer pressure", words,
+            "outer pressure P̂ext [E d/R₀]", "ω [√(E d/ρ R₀³)]", at, lines,
             found["conditions"]["Pext_hat"],
         )
     ]  # fmt: skip
