@@ -1,6 +1,10 @@
 """From frequencies and traces to the constants of the short model, with their uncertainty."""
 
-from jshell.calibration import campaign, least_squares, losses, master_curve, trajectories, uncertainty
+# pyright: reportUnsupportedDunderAll=false
+
+from typing import Any
+
+from jshell.calibration import least_squares, losses, master_curve, trajectories, uncertainty
 from jshell.calibration.batch import fit_batch
 from jshell.calibration.batch_result import BatchResult
 from jshell.calibration.bootstrap import Bootstrap, bootstrap_frequencies
@@ -24,3 +28,14 @@ __all__ = [
     "fit_conditions", "fit_frequencies", "fit_nonlinear", "fit_trajectories", "least_squares", "load", "losses",
     "master_curve", "prepare", "trace_loss", "trajectories", "uncertainty",
 ]  # fmt: skip
+
+
+def __getattr__(name: str) -> Any:
+    """The source's joint fits, under the name of the release before."""
+    if name != "campaign":
+        raise AttributeError(name)
+    import importlib
+    import warnings
+
+    warnings.warn("`jshell.calibration.campaign` is `jshell.paper.joint_fits` now", DeprecationWarning, stacklevel=2)
+    return importlib.import_module("jshell.paper.joint_fits")

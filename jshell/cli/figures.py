@@ -27,7 +27,7 @@ def figures(
     as_json: Json = False,
 ) -> None:
     """Draw the source's figures from our own simulations, its published numbers marked; without a name, list them."""
-    paper = importlib.import_module("jshell.plot.paper")
+    paper = importlib.import_module("jshell.paper.figures")
     room = importlib.import_module("jshell.plot")
     if kind not in FORMATS:
         raise BadName(f"--format {kind!r}", found="no such format", expected=", ".join(FORMATS), remedy="Choose one.")

@@ -1,13 +1,15 @@
 """Figures: shapes, records, frequencies and fits, in one clean style."""
 
+# pyright: reportUnsupportedDunderAll=false
+
+from typing import Any
+
 from jshell.plot import (
     branches,
     demo,
     film,
     fits,
     frequencies,
-    paper,
-    paper_numbers,
     response,
     sensitivity,
     shapes,
@@ -27,3 +29,15 @@ __all__ = [
     "master_curve", "mode_shape", "moments", "new_figure", "overview", "paper", "paper_numbers", "profiles", "response",
     "rest_shape", "save", "sensitivity", "shapes", "snapshot", "style", "trace_fit", "traces",
 ]  # fmt: skip
+
+
+def __getattr__(name: str) -> Any:
+    """The figures of the source, under the names of the release before."""
+    found = {"paper": "figures", "paper_numbers": "printed"}.get(name)
+    if found is None:
+        raise AttributeError(name)
+    import importlib
+    import warnings
+
+    warnings.warn(f"`jshell.plot.{name}` is `jshell.paper.{found}` now", DeprecationWarning, stacklevel=2)
+    return importlib.import_module(f"jshell.paper.{found}")
