@@ -11,7 +11,7 @@ from importlib import resources
 from pathlib import Path, PurePath
 
 from jshell import io
-from jshell.calibration.records import usual_channels
+from jshell.calibration.data import usual_channels
 from jshell.errors import JshellError
 from jshell.io.formats import FORMATS, read_sheet
 from jshell.io.headers import CONDITION_KEYS

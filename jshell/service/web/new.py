@@ -9,7 +9,7 @@ from fastapi import APIRouter, Request, Response, UploadFile
 from fastapi.responses import HTMLResponse, RedirectResponse
 from starlette.concurrency import run_in_threadpool
 
-from jshell.calibration.records import usual_channels
+from jshell.calibration.data import usual_channels
 from jshell.errors import BadFile, BadUnits, BadValue, JshellError
 from jshell.io.headers import SI_KEYS
 from jshell.quantities import QUANTITIES
