@@ -13,12 +13,12 @@ import numpy as np
 
 import jshell as js
 from jshell import campaigns, dynamics
-from jshell.calibration.campaign import ShellRuns, calibrate_trajectories, deviations
 from jshell.dynamics import Losses
 from jshell.oscillator import SOURCE, Reynolds
 from jshell.oscillator.drag import reynolds_decay_time
-from jshell.plot.paper import Material, read_spheres
-from jshell.plot.paper_numbers import printed
+from jshell.paper.figures import Material, read_spheres
+from jshell.paper.joint_fits import ShellRuns, calibrate_trajectories, deviations
+from jshell.paper.printed import printed
 from jshell.signals import Signature, extract
 from jshell.trace import Trace
 

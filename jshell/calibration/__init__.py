@@ -1,6 +1,8 @@
 """From frequencies and traces to the constants of the short model, with their uncertainty."""
 
-from jshell.calibration import campaign, least_squares, losses, master_curve, trajectories, uncertainty
+# pyright: reportUnsupportedDunderAll=false
+
+from jshell.calibration import least_squares, losses, master_curve, trajectories, uncertainty
 from jshell.calibration.batch import fit_batch
 from jshell.calibration.batch_result import BatchResult
 from jshell.calibration.bootstrap import Bootstrap, bootstrap_frequencies
@@ -17,6 +19,7 @@ from jshell.calibration.recordings import Recordings
 from jshell.calibration.refits import Refits
 from jshell.calibration.report import FitResult, FitWarning
 from jshell.calibration.trajectories import fit_trajectories, prepare
+from jshell.renamed import renamed
 
 __all__ = [
     "BatchResult", "Bootstrap", "Comparison", "Estimate", "FitOptions", "FitResult", "FitWarning", "NonlinearFits",
@@ -24,3 +27,4 @@ __all__ = [
     "fit_conditions", "fit_frequencies", "fit_nonlinear", "fit_trajectories", "least_squares", "load", "losses",
     "master_curve", "prepare", "trace_loss", "trajectories", "uncertainty",
 ]  # fmt: skip
+__getattr__ = renamed(__name__, {"campaign": "jshell.paper:joint_fits"})

@@ -25,7 +25,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jshell.calibration.records import SMALLEST_NOISE
+from jshell.calibration.data import SMALLEST_NOISE
 from jshell.shell.elasticity import SPHERE_VOLUME
 from jshell.signals.lane_search import Look, Search, begin, descend
 from jshell.signals.lanes import backward, centred, cholesky, forward, lanewise, listed, spreads, stage, total

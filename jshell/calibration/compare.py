@@ -16,8 +16,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jshell.calibration.data import chosen_channels, filled, noise_of, windowed
 from jshell.calibration.noise import MISFIT, Noise, envelope_chance, lag_one, peak_chance, runs
-from jshell.calibration.records import chosen_channels, filled, noise_of, record, rest_state, windowed
+from jshell.calibration.records import record, rest_state
 from jshell.calibration.report import FitResult, FitWarning
 from jshell.calibration.trajectories import fit_trajectories
 from jshell.calibration.uncertainty import information

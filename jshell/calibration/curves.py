@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from jshell.calibration.records import weighted
+from jshell.calibration.data import weighted
 from jshell.calibration.result import Fit
 from jshell.errors import BadShape
 from jshell.trace import Trace

@@ -19,6 +19,7 @@ from jshell.calibration.advice import (
     sign_of_coupling,
 )
 from jshell.calibration.ar1 import examined, fit_ar1, power
+from jshell.calibration.data import with_sigma
 from jshell.calibration.estimate import Estimate, starts_of
 from jshell.calibration.joint import Joint
 from jshell.calibration.least_squares import SolverResult, best_of, value_and_jacobian
@@ -58,9 +59,7 @@ def trace_result(
         robust: What a robust loss gave, where there was one.
     """
     problem = joint.problem
-    absolute = all(
-        name in trace.sigma for trace, one in zip(cut, problem.records, strict=True) for name in one.channels
-    )
+    absolute = with_sigma(cut, problem.records[0].channels)
     size = float(sum(np.sum((np.asarray(block) - np.mean(block)) ** 2) for block in targets(problem)))
     best, same = best_of(ending, size)
     values = np.array(space.natural(np.asarray(ending.unknowns)[best]))

@@ -9,7 +9,6 @@ Source     Nielsen 1999, "Damping parameter in Marquardt's method", for λ;
            Transtrum & Sethna 2012, arXiv:1201.5885, for bent steps
 """
 
-import warnings
 from collections.abc import Callable
 from typing import Any
 
@@ -20,6 +19,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from jshell.errors import Outcome
+from jshell.renamed import renamed
 
 RUNNING = -1
 
@@ -218,9 +218,4 @@ def best_of(ending: SolverResult, size: float) -> tuple[int, np.ndarray]:
     return first, same
 
 
-def __getattr__(name: str) -> Any:
-    """Names of the release before."""
-    if name == "Ending":
-        warnings.warn("`Ending` is called `SolverResult` now", DeprecationWarning, stacklevel=2)
-        return SolverResult
-    raise AttributeError(name)
+__getattr__ = renamed(__name__, {"Ending": "SolverResult"})

@@ -11,9 +11,6 @@ Source     Mokbel et al. 2021: eq:eqmovadimV, eq:eqmovadimS, eq:defw;
            Golub & Pereyra 1973 for the projection
 """
 
-import warnings
-from typing import Any
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -32,6 +29,7 @@ from jshell.oscillator.linear import (
     uniform_propagator,
 )
 from jshell.oscillator.simulate import integrate
+from jshell.renamed import renamed
 from jshell.shell.elasticity import moduli
 
 STRICT_NAMES = ("alpha1", "alpha2", "k_vs", "beta1", "beta2")
@@ -238,13 +236,4 @@ def _modal_basis(constants: jax.Array, tau: jax.Array, record: Record) -> Float[
     return jnp.stack([*waves, decay * jnp.sin(fast)], axis=1)
 
 
-_RENAMED = {"left_over": linear_residual, "best": solve_linear}
-
-
-def __getattr__(name: str) -> Any:
-    """Names of the release before."""
-    if name in _RENAMED:
-        found = _RENAMED[name]
-        warnings.warn(f"`{name}` is called `{found.__name__}` now", DeprecationWarning, stacklevel=2)
-        return found
-    raise AttributeError(name)
+__getattr__ = renamed(__name__, {"left_over": "linear_residual", "best": "solve_linear"})

@@ -11,11 +11,12 @@ import equinox as eqx
 import jax
 import numpy as np
 
+from jshell.calibration.data import noise_of
 from jshell.calibration.joint import Joint, Piece
 from jshell.calibration.lengths import without_data
 from jshell.calibration.losses import strict_coefficients
 from jshell.calibration.noise import MISFIT, Noise
-from jshell.calibration.records import Record, noise_of
+from jshell.calibration.records import Record
 from jshell.oscillator.linear import matrices, squares, state_matrix
 from jshell.signals import ring_down_start
 from jshell.trace import Trace

@@ -22,8 +22,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from jshell.calibration.data import conditions_of, noise_level
 from jshell.calibration.least_squares import value_and_jacobian
-from jshell.calibration.records import Record, noise_of
+from jshell.calibration.records import Record
 from jshell.calibration.starts import find_modes, strict_start
 from jshell.errors import BadName, BadShape, BadValue, Outcome, RangeWarning
 from jshell.oscillator.coefficients import Coefficients
@@ -145,10 +146,10 @@ def _read(traces: list[Trace]) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool
     times = np.asarray(traces[0].times, dtype=float)
     columns, weights, given = [], [], True
     for number, trace in enumerate(traces, 1):
-        if trace.conditions is None or not float(trace.conditions.viscosity) > 0:
+        if not float(conditions_of(trace, number).viscosity) > 0:
             raise BadValue(
                 f"trace {number}",
-                found="no conditions, or a viscosity of 0",
+                found="a viscosity of 0",
                 expected="conditions with a viscosity, which beta1 multiplies",
                 remedy="Build the trace with conditions=Reduced(…).",
             )
@@ -172,7 +173,7 @@ def _read(traces: list[Trace]) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool
         if given:
             noise = [float(np.mean(np.asarray(trace.sigma[name]))) for name in ("V", "S")]
         else:
-            noise = [max(noise_of(row), 1e-3 * row.std(), 1e-12) for row in rows]
+            noise = [noise_level(row, True) for row in rows]
         columns.append(rows)
         weights.append(1 / np.array(noise))
     return times, np.stack(columns, axis=-1), np.stack(weights, axis=-1), given

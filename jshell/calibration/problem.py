@@ -2,11 +2,12 @@
 
 import numpy as np
 
+from jshell.calibration.data import filled, with_sigma
 from jshell.calibration.joint import Joint, join, parameters_of
 from jshell.calibration.losses import Problem
 from jshell.calibration.options import FitOptions
 from jshell.calibration.parameters import Unknowns
-from jshell.calibration.records import Record, filled, record, rest_state
+from jshell.calibration.records import Record, record, rest_state
 from jshell.calibration.starts import Modes, find_modes
 from jshell.errors import BadValue
 from jshell.trace import Trace
@@ -45,9 +46,7 @@ def prepared(
     cut: list[Trace], names: tuple[str, ...], equilibrium: str
 ) -> tuple[list[Record], list[Modes | None], list[str]]:
     """Records with rest states, their modes, and warnings."""
-    given = [name in trace.sigma for trace in cut for name in names]
-    if any(given) and not all(given):
-        raise BadValue("sigma", found="σ for some channels", expected="for all or none", remedy="Complete it.")
+    with_sigma(cut, names)
     ready, modes, texts = [], [], []
     for number, trace in enumerate(cut, 1):
         times = np.asarray(trace.times, dtype=float)

@@ -14,6 +14,7 @@ import equinox as eqx
 import jax
 import numpy as np
 
+from jshell.calibration.data import conditions_of, with_sigma
 from jshell.errors import BadShape, BadValue, RangeWarning
 from jshell.oscillator.simulate import is_buckled, is_uniform
 from jshell.shell.parameters import Reduced
@@ -104,13 +105,7 @@ def stacked(traces: Sequence[Trace]) -> Recordings:
     counts = np.zeros(len(traces), int)
     sigma = np.full((len(traces), 2), np.nan)
     for i, trace in enumerate(traces):
-        if trace.conditions is None:
-            raise BadValue(
-                f"trace {i + 1}",
-                found="no conditions",
-                expected="thickness, pressures and viscosity of the shell",
-                remedy="Build the trace with conditions=Reduced(…).",
-            )
+        conditions_of(trace, i + 1)
         counts[i] = count = np.shape(trace.times)[0]
         times[i, :count] = np.asarray(trace.times)
         for c, name in enumerate(("V", "S")):
@@ -125,15 +120,13 @@ def stacked(traces: Sequence[Trace]) -> Recordings:
                         remedy="Use fit_trajectories for this trace.",
                     )
                 sigma[i, c] = known[0]
-    given = np.isfinite(sigma)
-    if given.any() and not given.all():
-        raise BadValue("sigma", found="σ for some channels", expected="for all or none", remedy="Complete it.")
+    absolute = with_sigma(traces, ("V", "S"))
     numbers = [
         np.array([float(getattr(trace.conditions, name)) for trace in traces])
         for name in ("thickness", "gas_pressure", "outer_pressure", "viscosity", "kappa", "poisson_ratio")
     ]
     same = bool(np.all(times == times[0])) and bool(np.all(counts == longest))
-    return Recordings(times[0] if same else times, values, Reduced(*numbers), sigma if given.all() else None, counts)
+    return Recordings(times[0] if same else times, values, Reduced(*numbers), sigma if absolute else None, counts)
 
 
 def bucketed(records: Recordings) -> tuple[list[Bucket], np.ndarray]:

@@ -1,26 +1,24 @@
-"""Traces made ready for a fit: window, channels, rest state, weights.
+"""Traces as a solver sees them: data, weights, conditions, rest state.
 
 Symbols    V_e volume [R0³], P_e pressure [E d/R0] at rest   σ standard error per sample
 """
 
 import warnings
-from collections.abc import Sequence
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jshell.calibration.data import weighted
 from jshell.calibration.options import choices_of
-from jshell.errors import BadName, BadShape, BadValue, RangeWarning
+from jshell.errors import BadName, BadValue, RangeWarning
 from jshell.oscillator.simulate import is_buckled, is_uniform
 from jshell.shell.parameters import Reduced
 from jshell.shell.rest import RestState, buckled_state, gas_pressure
-from jshell.signals import MEASURED, ring_down_start
 from jshell.trace import Trace
 
 EQUILIBRIA = tuple(choices_of("equilibrium"))
-SMALLEST_NOISE = 1e-3  # of a channel's scatter: cleaner records are all weighed alike
 REST_TOLERANCE = 0.01
 
 
@@ -44,162 +42,6 @@ class Record(eqx.Module):
     state: RestState
     channels: tuple[str, ...] = eqx.field(static=True)
     uniform: bool = eqx.field(static=True)
-
-
-def windowed(
-    traces: Trace | Sequence[Trace],
-    start: float | None,
-    stop: float | None,
-    *,
-    drop: Sequence[tuple[float, float]] = (),
-    missing: str = "refuse",
-) -> list[Trace]:
-    """The traces inside the window, each with its conditions; samples left out are NaN.
-
-    Args:
-        traces: One or several.
-        start, stop: The window.
-        drop: Spans of time whose samples are left out.
-        missing: What becomes of samples that are NaN: `refuse` or `drop`.
-
-    Raises:
-        BadValue: No conditions, or fewer than 16 samples, or numbers that are not finite.
-    """
-    listed = [traces] if isinstance(traces, Trace) else list(traces)
-    if not listed:
-        raise BadValue("traces", found="none", expected="at least one trace", remedy="Give a trace.")
-    found = []
-    for number, trace in enumerate(listed, 1):
-        if trace.conditions is None:
-            raise BadValue(
-                f"trace {number}",
-                found="no conditions",
-                expected="thickness, pressures and viscosity of the shell",
-                remedy="Build the trace with conditions=Reduced(…).",
-            )
-        # a record that holds a snap is read from its ring-down on: the motion before it is not small
-        cut = trace.between(ring_down_start(trace) if start is None else start, stop)
-        times = np.asarray(cut.times)
-        if times.size < 16 or not np.all(np.diff(times) > 0):
-            raise BadShape(
-                f"trace {number}",
-                found=f"{times.size} samples in the window",
-                expected="at least 16, at increasing times",
-                remedy="Widen the window.",
-            )
-        found.append(_without(cut, number, drop, missing))
-    return found
-
-
-def _without(trace: Trace, number: int, drop: Sequence[tuple[float, float]], missing: str) -> Trace:
-    """The trace with NaN in the spans to drop; refused where it holds NaN of its own."""
-    for name, values in trace.channels.items():
-        wrong = ~np.isfinite(np.asarray(values, dtype=float))
-        if wrong.any() and missing == "refuse":
-            raise BadValue(
-                f"trace {number}, channel {name!r}, sample {int(np.argmax(wrong)) + 1} of the window",
-                found=f"{float(np.asarray(values)[np.argmax(wrong)])}",
-                expected="numbers",
-                remedy='Leave such samples out with missing="drop".',
-            )
-    if not drop and missing == "refuse":
-        return trace
-    times = np.asarray(trace.times, dtype=float)
-    lost = np.zeros(times.size, dtype=bool)
-    for first, last in drop:
-        lost |= (times >= first) & (times <= last)
-    channels = {}
-    for name, values in trace.channels.items():
-        numbers = np.asarray(values, dtype=float)
-        channels[name] = np.where(lost | ~np.isfinite(numbers), np.nan, numbers)
-        if np.isfinite(channels[name]).sum() < 16:
-            raise BadValue(
-                f"trace {number}, channel {name!r}",
-                found=f"{np.isfinite(channels[name]).sum()} samples left",
-                expected="at least 16",
-                remedy="Drop less.",
-            )
-    return Trace(trace.times, channels, trace.conditions, trace.sigma, trace.outcome, trace.settings, trace.scales)
-
-
-def filled(times: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """The values with straight lines over the samples that were left out; for first guesses only."""
-    known = np.isfinite(values)
-    return values if known.all() else np.interp(times, times[known], values[known])
-
-
-def usual_channels(
-    traces: Sequence[Trace], loss: str | None = None, channels: Sequence[str] | None = None
-) -> tuple[str, tuple[str, ...]]:
-    """The loss and the channels that a fit takes where it is not told: the one rule for library, terminal and service.
-
-    Without channels: V and S for the strict loss; else those of V, S, H and W that the traces share, or all that they
-    share. Without a loss: strict where every trace is V and S and nothing else, modal otherwise.
-
-    A trace of V, S, H and W is therefore fitted by the modal loss, over all four. Such records are of whole shapes,
-    a simulator's or a camera's; their V and S follow the two-coordinate oscillator badly (of simulated snaps the
-    strict loss leaves half the scatter of V), while the two frequencies and the decay are the same in every measure,
-    and are known the better the more of them are read.
-    """
-    if channels:
-        names = tuple(channels)
-    else:
-        shared = tuple(name for name in traces[0].channels if all(name in one.channels for one in traces))
-        # pressures, velocities and energies that a simulator wrote beside the shape are not listened to
-        names = tuple(name for name in shared if name in MEASURED) or shared
-        if loss == "strict" and {"V", "S"} <= set(names):
-            names = ("V", "S")
-    if loss is None:
-        loss = "strict" if set(names) == {"V", "S"} else "modal"
-    return loss, ("V", "S") if loss == "strict" and set(names) == {"V", "S"} else names
-
-
-def chosen_channels(
-    traces: list[Trace], loss: str | None, channels: Sequence[str] | None
-) -> tuple[str, tuple[str, ...]]:
-    """The loss and the channels it reads, by `usual_channels`, once they are found to be there and to move.
-
-    Raises:
-        BadName: A channel that is missing, or that the strict loss does not know.
-    """
-    loss, names = usual_channels(traces, loss, channels)
-    for name in names:
-        for number, trace in enumerate(traces, 1):
-            _refuse_still(np.asarray(trace[name], dtype=float), name, number)
-    if not names:
-        raise BadName("channels", found="none in common", expected="a channel in every trace", remedy="Name some.")
-    if loss == "strict" and set(names) != {"V", "S"}:
-        raise BadName(
-            "channels",
-            found=", ".join(names),
-            expected="V and S, the oscillator's own coordinates, for the strict loss",
-            remedy='Choose channels=("V", "S"), or loss="modal", which takes any channel.',
-        )
-    return loss, names
-
-
-def _refuse_still(values: np.ndarray, name: str, number: int) -> None:
-    """A channel that does not move says nothing of any constant."""
-    if np.nanstd(values) <= 1e-9 * np.nanmax(np.abs(values)):
-        raise BadValue(
-            f"trace {number}, channel {name!r}",
-            found=f"the constant {np.nanmean(values):g} in the window",
-            expected="a motion",
-            remedy="Choose another channel, or a window in which the shell rings.",
-        )
-
-
-def noise_of(values: np.ndarray) -> float:
-    """Scatter of white noise on a smooth, evenly sampled record, from its sixth differences.
-
-    The motion hardly survives six differences where it is sampled ten times a
-    period or more; coarser, this is an upper bound.
-    """
-    differences = np.diff(values, 6)
-    differences = differences[np.isfinite(differences)]
-    if not differences.size:
-        return 0.0
-    return float(np.sqrt(np.mean(differences**2) / 924.0))  # 924 = (12 choose 6)
 
 
 def rest_state(trace: Trace, offset: float | None, equilibrium: str, number: int) -> tuple[RestState, tuple[str, ...]]:
@@ -245,28 +87,6 @@ def rest_state(trace: Trace, offset: float | None, equilibrium: str, number: int
         return plateau, tuple(texts)
     volume = jnp.asarray(offset)
     return RestState(volume, jnp.asarray(gas_pressure(volume, conditions))), tuple(texts)
-
-
-def weighted(trace: Trace, channels: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
-    """Data and weights of a trace, (channels, times) each.
-
-    Weights are 1/σ where it is given, else one over each channel's own noise; 0 where a sample is left out, and so is
-    its datum.
-    """
-    uniform = is_uniform(np.asarray(trace.times, dtype=float))
-    data = np.stack([np.asarray(trace[name], dtype=float) for name in channels])
-    known = np.isfinite(data)
-    weight = []
-    for name, values, used in zip(channels, data, known, strict=True):
-        if name in trace.sigma:
-            sigma = np.broadcast_to(np.asarray(trace.sigma[name], dtype=float), values.shape)
-            if not np.all(sigma > 0):
-                raise BadValue(f"sigma[{name!r}]", found="a value not above 0", expected="σ > 0", remedy="Check it.")
-        else:
-            floor = SMALLEST_NOISE * values[used].std()
-            sigma = np.full(values.shape, max(noise_of(values) if uniform else 0.0, floor, 1e-300))
-        weight.append(np.where(used, 1 / sigma, 0.0))
-    return np.where(known, data, 0.0), np.stack(weight)
 
 
 def record(trace: Trace, channels: tuple[str, ...], state: RestState) -> Record:

@@ -27,7 +27,7 @@ def figures(
     as_json: Json = False,
 ) -> None:
     """Draw the source's figures from our own simulations, its published numbers marked; without a name, list them."""
-    paper = importlib.import_module("jshell.plot.paper")
+    paper = importlib.import_module("jshell.paper.figures")
     room = importlib.import_module("jshell.plot")
     choose("--format", kind, FORMATS)
     asked = paper.FIGURES if everything else tuple(dict.fromkeys(paper.figure(name) for name in names or ()))

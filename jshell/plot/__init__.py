@@ -1,13 +1,13 @@
 """Figures: shapes, records, frequencies and fits, in one clean style."""
 
+# pyright: reportUnsupportedDunderAll=false
+
 from jshell.plot import (
     branches,
     demo,
     film,
     fits,
     frequencies,
-    paper,
-    paper_numbers,
     response,
     sensitivity,
     shapes,
@@ -28,4 +28,7 @@ __all__ = [
     "identified_modes", "master_curve", "mode_shape", "moments", "new_figure", "overview", "paper", "paper_numbers",
     "profiles", "response", "rest_shape", "save", "sensitivity", "shapes", "snapshot", "style", "trace_fit", "traces",
 ]  # fmt: skip
-__getattr__ = renamed(__name__, {"heard": "identified_modes"})
+__getattr__ = renamed(
+    __name__,
+    {"heard": "identified_modes", "paper": "jshell.paper:figures", "paper_numbers": "jshell.paper:printed"},
+)

@@ -6,8 +6,8 @@ import numpy as np
 import scipy.interpolate
 
 from jshell.calibration.curves import fitted_curves
+from jshell.calibration.data import windowed
 from jshell.calibration.profile import Profile
-from jshell.calibration.records import windowed
 from jshell.calibration.report import FitResult
 from jshell.errors import BadShape
 from jshell.plot.style import BLUE, CHANNEL, ONE, Axes, new_figure, style

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jshell.calibration.records import Record, chosen_channels, filled, record, rest_state, windowed
+from jshell.calibration.data import chosen_channels, filled, windowed
+from jshell.calibration.records import Record, record, rest_state
 from jshell.calibration.starts import Modes, find_modes, first_start
 from jshell.errors import JshellError
 from jshell.trace import Trace

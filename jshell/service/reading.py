@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import PurePath
 
 from jshell import io
-from jshell.calibration.records import usual_channels
+from jshell.calibration.data import usual_channels
 from jshell.errors import JshellError
 from jshell.files import NamedBytes
 from jshell.io.formats import FORMATS, read_sheet

@@ -54,6 +54,7 @@ assert not hasattr(jshell, "Server")
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.filterwarnings("ignore:.*is `jshell.paper:DeprecationWarning")  # names of the release before
 @pytest.mark.parametrize("name", ["jshell", *ROOMS])
 def test_every_announced_name_exists(name):
     module = importlib.import_module(name)
@@ -61,3 +62,13 @@ def test_every_announced_name_exists(name):
     assert len(set(announced)) == len(announced)
     for member in announced:
         assert hasattr(module, member), f"{name} announces {member}, which does not exist"
+
+
+@pytest.mark.parametrize(
+    ("room", "old", "new"),
+    [("calibration", "campaign", "joint_fits"), ("plot", "paper", "figures"), ("plot", "paper_numbers", "printed")],
+)
+def test_what_moved_answers_to_its_old_name_and_says_the_new_one(room, old, new):
+    module = importlib.import_module(f"jshell.{room}")
+    with pytest.warns(DeprecationWarning, match=f"jshell.paper.{new}"):
+        assert getattr(module, old) is importlib.import_module(f"jshell.paper.{new}")

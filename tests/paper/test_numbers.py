@@ -11,7 +11,7 @@ import pytest
 from jshell.errors import BadName
 from jshell.oscillator import SOURCE, squared_frequencies
 from jshell.oscillator.drag import DISPLACED_MASS
-from jshell.plot.paper_numbers import printed, printed_numbers, table_of_shells
+from jshell.paper.printed import printed, printed_numbers, table_of_shells
 from jshell.shell import Reduced, presets
 from jshell.shell.elasticity import buckling_threshold
 from jshell.shell.rest import RestState, plateau_pressure

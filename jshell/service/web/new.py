@@ -10,7 +10,7 @@ from fastapi.responses import HTMLResponse, RedirectResponse
 from starlette.concurrency import run_in_threadpool
 
 from jshell import io
-from jshell.calibration.records import usual_channels
+from jshell.calibration.data import usual_channels
 from jshell.errors import BadFile, BadUnits, BadValue, JshellError
 from jshell.io.headers import REDUCED_KEYS, SHARED_KEYS, SI_KEYS
 from jshell.quantities import QUANTITIES

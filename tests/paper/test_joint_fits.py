@@ -6,9 +6,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jshell.calibration.campaign import ShellRuns, calibrate, calibrate_trajectories, deviations, read_runs
 from jshell.errors import BadName, BadShape, BadValue, Outcome
 from jshell.oscillator import Coefficients, squared_frequencies
+from jshell.paper.joint_fits import ShellRuns, calibrate, calibrate_trajectories, deviations, read_runs
 from jshell.shell import Reduced
 from jshell.trace import Trace
 

@@ -16,9 +16,14 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from jshell import comparators, dynamics, membrane
-from jshell.calibration.campaign import Reading, ShellRuns, calibrate, read_runs
 from jshell.errors import BadName, BadValue, Outcome, RangeWarning
-from jshell.plot import paper_damping, paper_frequencies, paper_records, paper_shapes, paper_softening, paper_trends
+from jshell.paper import damping as _damping
+from jshell.paper import frequencies as _frequencies
+from jshell.paper import records as _records
+from jshell.paper import shapes as _shapes
+from jshell.paper import softening as _softening
+from jshell.paper import trends as _trends
+from jshell.paper.joint_fits import Reading, ShellRuns, calibrate, read_runs
 from jshell.plot.film import moments
 from jshell.plot.style import Figure
 from jshell.shell import Reduced, presets
@@ -114,12 +119,12 @@ def setup(material: Material) -> Figure:
         rest = membrane.rest(presets.R.conditions, elements=material.elements, attached=PAD, throw=True)
     unit = presets.R_MACRO.unit
     assert unit is not None
-    return paper_shapes.setup(rest, trace, _listened(trace, ("H", "W")), unit)
+    return _shapes.setup(rest, trace, _listened(trace, ("H", "W")), unit)
 
 
 def snapshots(material: Material) -> Figure:
     """fig:simulationResults."""
-    return paper_shapes.snapshots(material.motion)
+    return _shapes.snapshots(material.motion)
 
 
 def relaxation(material: Material) -> Figure:
@@ -128,43 +133,43 @@ def relaxation(material: Material) -> Figure:
     low, high = (material.trace("pressure", near=P0) for P0 in PRESSURES)
     several = (low, reference, high)
     heard = {name: _listened(reference, (name,)) for name in ("V", "S")}
-    return paper_records.relaxation(several, reference, heard, moments(material.motion))
+    return _records.relaxation(several, reference, heard, moments(material.motion))
 
 
 def control(material: Material) -> Figure:
     """fig:resul."""
-    return paper_frequencies.control(material.runs, "thickness", "viscosity", "excess", "shape")
+    return _frequencies.control(material.runs, "thickness", "viscosity", "excess", "shape")
 
 
 def coordinates(material: Material) -> Figure:
     """fig:schememodel."""
     found = dynamics.modes(presets.R.conditions, count=2, liquid="ideal", elements=material.elements, throw=True)
-    return paper_shapes.coordinates(found)
+    return _shapes.coordinates(found)
 
 
 def master(material: Material) -> Figure:
     """fig:w."""
-    return paper_frequencies.master(material.readings, material.runs)
+    return _frequencies.master(material.readings, material.runs)
 
 
 def every_run(material: Material) -> Figure:
     """eq:defw with the source's constants, run by run."""
-    return paper_frequencies.every_run(material.runs)
+    return _frequencies.every_run(material.runs)
 
 
 def constants(material: Material) -> Figure:
     """The joint fit of section "Oscillation frequencies", by every reading."""
-    return paper_frequencies.constants(material.readings)
+    return _frequencies.constants(material.readings)
 
 
 def softening(material: Material) -> Figure:
     """fig:soft."""
-    return paper_softening.softening()
+    return _softening.softening()
 
 
 def damping(material: Material) -> Figure:
     """fig:tau."""
-    return paper_damping.damping(material.runs)
+    return _damping.damping(material.runs)
 
 
 def trends(material: Material) -> Figure:
@@ -177,27 +182,27 @@ def trends(material: Material) -> Figure:
             remedy="Run the shipped design to its end.",
         )  # fmt: skip
     nearest = {int(rows[np.argmin(np.abs(np.log(runs.viscosity[rows] / eta)))]) for eta in LIQUIDS}
-    return paper_trends.trends(runs, {k: results[k].trace for k in nearest})
+    return _trends.trends(runs, {k: results[k].trace for k in nearest})
 
 
 def attached(material: Material) -> Figure:
     """fig:detail-attached."""
     free = material.trace("R-free", "pressure", near=0.9)
     held = material.trace("R-attached", "attached", near=0.9)
-    return paper_records.attached((free, _listened(free, TOGETHER)), (held, _listened(held, TOGETHER)))
+    return _records.attached((free, _listened(free, TOGETHER)), (held, _listened(held, TOGETHER)))
 
 
 def meridian(material: Material) -> Figure:
     """fig:axisymmetric."""
-    return paper_shapes.meridian_stretches(membrane.rest(presets.R.conditions, elements=material.elements, throw=True))
+    return _shapes.meridian_stretches(membrane.rest(presets.R.conditions, elements=material.elements, throw=True))
 
 
 def spheres(material: Material) -> Figure:
     """eq:oscillSph."""
-    return paper_damping.spheres(read_spheres(material.table))
+    return _damping.spheres(read_spheres(material.table))
 
 
-def read_spheres(table: dict[str, np.ndarray]) -> paper_damping.Spheres:
+def read_spheres(table: dict[str, np.ndarray]) -> _damping.Spheres:
     """The spherical runs of a campaign's table.
 
     A step so large that the wall bears more than its buckling threshold on the way leaves the spherical shape and
@@ -219,7 +224,7 @@ def read_spheres(table: dict[str, np.ndarray]) -> paper_damping.Spheres:
     for k in np.flatnonzero(radial):
         heard[k] = _radial_frequency(Reduced(*(float(value) for value in cases[k])))
     step = np.round(cases[:, 2] - cases[:, 1], 6)
-    return paper_damping.Spheres(cases[:, 1], step, pick("V_e"), heard, pick("omega_sphere"), small, radial)
+    return _damping.Spheres(cases[:, 1], step, pick("V_e"), heard, pick("omega_sphere"), small, radial)
 
 
 def _nothing(t: Any) -> Any:
@@ -278,8 +283,8 @@ def figure(name: str) -> PaperFigure:
         BadName: No such figure.
 
     Example:
-        >>> from jshell.plot import paper
-        >>> print(paper.figure("fig:w").name)
+        >>> from jshell.paper import figures
+        >>> print(figures.figure("fig:w").name)
         master
     """
     for one in FIGURES:

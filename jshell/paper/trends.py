@@ -9,8 +9,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from jshell.calibration.campaign import ShellRuns
-from jshell.plot.paper_numbers import printed
+from jshell.paper.joint_fits import ShellRuns
+from jshell.paper.printed import printed
 from jshell.plot.style import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILION, Figure, new_figure, style
 from jshell.shell.elasticity import SPHERE_AREA
 from jshell.trace import Trace

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from jshell.plot.paper_numbers import printed
+from jshell.paper.printed import printed
 from jshell.plot.style import (
     BLACK,
     BLUE,

@@ -11,7 +11,7 @@ import numpy as np
 
 from jshell.oscillator import SOURCE, crossing, simulated_modes
 from jshell.oscillator import softening as drop
-from jshell.plot.paper_numbers import printed
+from jshell.paper.printed import printed
 from jshell.plot.style import BLACK, BLUE, GREEN, GREY, VERMILION, Axes, Figure, new_figure, style
 from jshell.quantities import quantity
 

@@ -11,12 +11,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jshell.calibration.campaign import BOTH_HEARD, Reading, ShellRuns, deviations
 from jshell.calibration.report import FitResult
 from jshell.errors import Outcome
 from jshell.oscillator import SOURCE, Coefficients, squared_frequencies
+from jshell.paper.joint_fits import BOTH_HEARD, Reading, ShellRuns, deviations
+from jshell.paper.printed import printed
 from jshell.plot.frequencies import curves
-from jshell.plot.paper_numbers import printed
 from jshell.plot.style import (
     BLACK,
     BLUE,
@@ -99,7 +99,7 @@ def master(readings: Sequence[Reading], runs: ShellRuns) -> Figure:
     The fits in V_e ω of all shells, and of those with the gas pressures of the source's fig:resul, are drawn through.
 
     Args:
-        readings: Of the campaign, from `jshell.calibration.campaign.calibrate`.
+        readings: Of the campaign, from `jshell.paper.joint_fits.calibrate`.
         runs: The campaign.
     """
     by_key = {reading.key: reading for reading in readings}

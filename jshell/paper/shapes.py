@@ -13,8 +13,8 @@ from jshell.contour import speed
 from jshell.dynamics import Modes, Motion
 from jshell.flow import field
 from jshell.membrane import RestShape
+from jshell.paper.printed import printed
 from jshell.plot.film import AIR, WALL, WATER, filmstrip
-from jshell.plot.paper_numbers import printed
 from jshell.plot.shapes import outline
 from jshell.plot.style import BLACK, BLUE, GREY, VERMILION, Axes, Figure, new_figure, style
 from jshell.plot.traces import two_modes

@@ -11,9 +11,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
-from jshell.calibration.campaign import ShellRuns
 from jshell.oscillator.drag import reynolds_decay_time
-from jshell.plot.paper_numbers import printed
+from jshell.paper.joint_fits import ShellRuns
+from jshell.paper.printed import printed
 from jshell.plot.style import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILION, Figure, new_figure, style
 
 ETA_LAYER = 0.13  # above it the Stokes layer is as thick as the shell: sqrt(η/ω) > 0.4 R0

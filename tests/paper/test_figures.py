@@ -7,13 +7,13 @@ import pytest
 from matplotlib.axes import Axes
 from typer.testing import CliRunner
 
-from jshell.calibration.campaign import calibrate
 from jshell.cli.main import app
 from jshell.errors import BadName, BadValue, Outcome
 from jshell.oscillator import squared_frequencies
-from jshell.plot import paper, paper_damping, paper_frequencies, paper_records, paper_softening, paper_trends
-from jshell.plot.paper_numbers import printed, printed_numbers
-from jshell.plot.paper_shapes import meridian_stretches, setup
+from jshell.paper import damping, figures, frequencies, records, softening, trends
+from jshell.paper.joint_fits import calibrate
+from jshell.paper.printed import printed, printed_numbers
+from jshell.paper.shapes import meridian_stretches, setup
 from jshell.plot.style import BLACK, BLUE, GREEN, ORANGE, SLOW
 from jshell.shell import Reduced, presets
 from jshell.signals import extract
@@ -78,8 +78,8 @@ def campaign() -> ByHand:
 
 
 @pytest.fixture(scope="module")
-def material(campaign) -> paper.Material:
-    return paper.Material(campaign)
+def material(campaign) -> figures.Material:
+    return figures.Material(campaign)
 
 
 def points(ax: Axes, colour: str, marker: str) -> np.ndarray:
@@ -94,14 +94,14 @@ def words(figure) -> str:
 
 def test_every_drawn_figure_of_the_source_has_a_function():
     labels = {row.where for row in printed_numbers() if row.where.startswith("fig:")} | {"eq:oscillSph"}
-    assert labels <= {one.label for one in paper.FIGURES}
-    assert len({one.name for one in paper.FIGURES}) == len(paper.FIGURES)
+    assert labels <= {one.label for one in figures.FIGURES}
+    assert len({one.name for one in figures.FIGURES}) == len(figures.FIGURES)
     with pytest.raises(BadName, match="master"):
-        paper.figure("fig:nothing")
+        figures.figure("fig:nothing")
 
 
 def test_slow_pulsations_stand_over_what_was_varied(campaign, material):
-    figure = paper.control(material)
+    figure = figures.control(material)
     thick, thin, pressure = figure.axes[:3]
     rows = material.runs.within("thickness")
     seen = points(thick, BLUE, "o")
@@ -118,7 +118,7 @@ def test_slow_pulsations_stand_over_what_was_varied(campaign, material):
 
 
 def test_the_master_curve_goes_through_shells_that_obey_it(campaign, material):
-    figure = paper_frequencies.master(material.readings, material.runs)
+    figure = frequencies.master(material.readings, material.runs)
     ax = figure.axes[0]
     seen = points(ax, SLOW, "^")
     np.testing.assert_allclose(seen[:, 1], (campaign["V_e"] * campaign["omega_minus"]) ** 2)
@@ -129,13 +129,13 @@ def test_the_master_curve_goes_through_shells_that_obey_it(campaign, material):
 
 
 def test_shells_that_obey_the_sources_curve_do_not_deviate(material):
-    figure = paper.every_run(material)
+    figure = figures.every_run(material)
     assert figure.axes[0].get_title(loc="left").endswith("of size 0 %")
     assert len(figure.axes[0].get_xticklabels()) == len(FAMILIES)
 
 
 def test_constants_are_drawn_beside_the_sources(material):
-    figure = paper_frequencies.constants(calibrate(material.runs))
+    figure = frequencies.constants(calibrate(material.runs))
     bands = [ax.patches[0].get_extents().transformed(ax.transData.inverted()) for ax in figure.axes]
     for band, key in zip(bands, ("alpha1", "alpha2", "k_vs"), strict=True):
         number = printed("subsec:agree", key)
@@ -144,7 +144,7 @@ def test_constants_are_drawn_beside_the_sources(material):
 
 
 def test_decay_times_stand_over_the_reynolds_number(campaign, material):
-    ax = paper.damping(material).axes[0]
+    ax = figures.damping(material).axes[0]
     seen = points(ax, BLUE, "o")
     np.testing.assert_allclose(seen[:, 0], 0.2 / campaign["eta_hat"])
     np.testing.assert_allclose(seen[:, 1], 8.0 * campaign["eta_hat"])
@@ -154,10 +154,8 @@ def test_decay_times_stand_over_the_reynolds_number(campaign, material):
 
 def test_spheres_that_obey_the_law_have_prefactor_one():
     flat = np.ones(3)
-    found = paper_damping.Spheres(
-        np.array([0.9, 1.2, 1.8]), 0.45 * flat, 3.9 * flat, 3 * flat, 3 * flat, flat > 2, flat > 2
-    )
-    figure = paper_damping.spheres(found)
+    found = damping.Spheres(np.array([0.9, 1.2, 1.8]), 0.45 * flat, 3.9 * flat, 3 * flat, 3 * flat, flat > 2, flat > 2)
+    figure = damping.spheres(found)
     seen = points(figure.axes[1], GREEN, "o")
     np.testing.assert_allclose(seen[:, 1], 1.0)
     assert "source 1.07" in words(figure)
@@ -167,7 +165,7 @@ def test_records_of_three_pressures_and_their_fits(material):
     traces = [ring(P0, (1.0, 1.7), V) for P0, V in ((0.6, 2.4), (0.9, 2.9), (1.5, 3.3))]
     together = extract(traces[1], LISTENED)
     heard = {"V": together, "S": together}
-    figure = paper_records.relaxation(traces, traces[1], heard, (18.0, 19.0, 21.0))
+    figure = records.relaxation(traces, traces[1], heard, (18.0, 19.0, 21.0))
     left = figure.axes[0]
     drawn = [line for line in left.get_lines() if str(line.get_label()).startswith("P̂₀")]
     for line, trace in zip(drawn, traces, strict=True):
@@ -183,7 +181,7 @@ def test_kicks_stand_over_their_height_and_areas_over_the_thickness(campaign, ma
     kicks = {
         row: Trace(t, {"V": rest[row] + 0.02 * np.exp(-t / tau) * np.sin(t)}, None) for row, tau in ((0, 9.0), (2, 1.0))
     }
-    left, right = paper_trends.trends(material.runs, kicks).axes
+    left, right = trends.trends(material.runs, kicks).axes
     thin = next(line for line in left.get_lines() if line.get_label() == f"η̂ = {eta[0]:g}")
     x, y = np.asarray(thin.get_xydata()).T
     assert (x[0], y[0]) == (0.0, 1.0)
@@ -197,7 +195,7 @@ def test_attached_beside_free_with_the_sources_ratios():
     free, held = ring(0.9, (1.0, 1.7), 2.9), ring(0.9, (0.4, 1.6), 2.9)
     both = [(trace, extract(trace, LISTENED)) for trace in (free, held)]
     assert both[0][1].outcome == Outcome.OK
-    said = words(paper_records.attached(*both))
+    said = words(records.attached(*both))
     for value in (0.52, 0.21, 0.22, 1.3, 0.006, 0.4):
         assert f"(source {value:g})" in said
 
@@ -217,7 +215,7 @@ def test_stretches_are_those_of_the_wall(rest_R):
 
 
 def test_softening_marks_the_drop():
-    figure = paper_softening.softening(thickness=(0.02,), pressures=(0.4,))
+    figure = softening.softening(thickness=(0.02,), pressures=(0.4,))
     assert "ω̂₋ by 4.5, ω̂₊ by 2.5" in words(figure)
 
 
@@ -244,4 +242,4 @@ def test_the_verb_lists_and_draws(tmp_path):
 def test_all_figures_are_drawn_from_the_shipped_campaign(tmp_path):
     run = CliRunner().invoke(app, ["figures", "--all", "--out", str(tmp_path)])
     assert run.exit_code == 0, run.stderr
-    assert {path.stem for path in tmp_path.glob("*.png")} == {one.name for one in paper.FIGURES}
+    assert {path.stem for path in tmp_path.glob("*.png")} == {one.name for one in figures.FIGURES}

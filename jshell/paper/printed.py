@@ -73,7 +73,7 @@ def printed(where: str, key: str) -> Printed:
         BadName: No such place or number.
 
     Example:
-        >>> from jshell.plot.paper_numbers import printed
+        >>> from jshell.paper.printed import printed
         >>> found = printed("subsec:agree", "alpha1")
         >>> print(found.value, found.error)
         3.6 3.5
