@@ -19,6 +19,7 @@ from jshell.calibration.estimate import Estimate, Start
 from jshell.calibration.noise import Noise
 from jshell.calibration.objective import Objective
 from jshell.calibration.specification import Specification
+from jshell.display import ended, number, readable, shown
 from jshell.errors import BadName, BadValue, NotOk, Outcome
 from jshell.oscillator.coefficients import Coefficients
 from jshell.trace import Trace
@@ -99,6 +100,15 @@ class FitResult:
             ("bic", float(logarithm + np.log(self.n_data) * self.n_varied)),
         )
         object.__setattr__(self, "statistics", values)
+
+    @readable
+    def __repr__(self) -> str:
+        plain = [one for one in self.estimates if "[" not in one.name]
+        values = [f"{one.name} {number(one.value)} ± {number(one.stderr)}" for one in plain]
+        return shown(
+            self, self.title, *values, f"reduced χ² {number(self.reduced_chi_square)}", f"{self.n_data} data",
+            f"{len(self.warnings)} warnings" if self.warnings else "", ended(self.outcome),
+        )  # fmt: skip
 
     def __getitem__(self, name: str) -> Estimate:
         known = {estimate.name: estimate for estimate in (*self.estimates, *self.derived)}
