@@ -37,8 +37,8 @@ def fresh(*words: str, **environment: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-def test_no_help_waits_for_jax():
-    done = fresh("-c", HELP)
+def test_no_help_waits_for_jax(tmp_path):
+    done = fresh("-c", HELP, XDG_CACHE_HOME=str(tmp_path))
     assert done.returncode == 0, done.stderr
 
 
