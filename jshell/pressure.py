@@ -111,7 +111,10 @@ class Ramp(eqx.Module):
     def __call__(self, t: Moment) -> jax.Array:
         lasts = jnp.asarray(self.duration) > 0
         safe = jnp.where(lasts, self.duration, 1.0)
-        done = jnp.where(lasts, jnp.clip((t - self.begin) / safe, 0.0, 1.0), jnp.where(t >= self.begin, 1.0, 0.0))
+        if isinstance(self.begin, float) and self.begin == 0:  # from the start on: a program without the comparison
+            done = jnp.where(lasts, jnp.clip(t / safe, 0.0, 1.0), 1.0)
+        else:
+            done = jnp.where(lasts, jnp.clip((t - self.begin) / safe, 0.0, 1.0), jnp.where(t >= self.begin, 1.0, 0.0))
         return jnp.asarray(self.start + (self.stop - self.start) * done)
 
 

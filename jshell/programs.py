@@ -31,6 +31,7 @@ LEAST_TIME = "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"
 LOGGING = "jax_logging_level"
 ENVIRONMENT = "TF_CPP_MIN_LOG_LEVEL"  # XLA's own way to be told; JAX sets 1 where nobody has
 SILENT = "CRITICAL"
+UNREADABLE = "Error (reading|writing) persistent compilation cache"  # JAX's warning
 LIMIT = 1 << 30  # bytes that a folder may hold; a fit needs 0.3 MB, all of the tests 60 MB
 
 
@@ -46,7 +47,7 @@ def keep() -> None:
         return
     trim(folder, LIMIT)
     # a process that was killed leaves half a program, which JAX compiles again and tells of: nobody can act on that
-    warnings.filterwarnings("ignore", "Error (reading|writing) persistent compilation cache", UserWarning)
+    warnings.filterwarnings("ignore", UNREADABLE, UserWarning)
     if jax is None:
         os.environ[FOLDER] = str(folder)
         os.environ.setdefault(LEAST_TIME, "0")

@@ -10,6 +10,7 @@ import numpy as np
 
 from jshell.calibration.noise import MISFIT
 from jshell.calibration.uncertainty import in_words
+from jshell.display import ended, number, readable, shown
 from jshell.errors import MissingExtra, Outcome
 from jshell.signals.lane_search import CONVERGED, RUNNING
 
@@ -60,6 +61,13 @@ class BatchResult:
     agreeing: np.ndarray
     free_directions: tuple[tuple[int, str], ...]
     absolute: bool
+
+    @readable
+    def __repr__(self) -> str:
+        sound = self.values[self.ok]
+        medians = [f"median {name} {number(np.median(sound[:, i]))}" for i, name in enumerate(PARAMETERS) if len(sound)]
+        misfits = int(np.sum(self.misfit))
+        return shown(self, f"{len(self)} rows", *medians, f"{misfits} misfits" if misfits else "", ended(self.outcome))
 
     def __len__(self) -> int:
         return self.outcome.size

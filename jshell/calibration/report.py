@@ -8,6 +8,7 @@ import numpy as np
 
 from jshell.calibration.objective import Objective
 from jshell.calibration.result import Fit, FitWarning
+from jshell.display import ended, number, readable, shown
 from jshell.errors import NotOk, Outcome
 
 if TYPE_CHECKING:
@@ -24,6 +25,15 @@ class FitResult(Fit):
 
     Two results are equal where their records are, to the bit.
     """
+
+    @readable
+    def __repr__(self) -> str:
+        plain = [one for one in self.estimates if "[" not in one.name]
+        values = [f"{one.name} {number(one.value)} ± {number(one.stderr)}" for one in plain]
+        return shown(
+            self, self.title, *values, f"reduced χ² {number(self.reduced_chi_square)}", f"{self.n_data} data",
+            f"{len(self.warnings)} warnings" if self.warnings else "", ended(self.outcome),
+        )  # fmt: skip
 
     def __eq__(self, other: object) -> bool:
         from jshell.calibration.serialization import stored

@@ -191,7 +191,8 @@ def _cache() -> Finding:
         )
     files = [path for path in folder.rglob("*") if path.is_file()] if folder.is_dir() else []
     size = sum(path.stat().st_size for path in files)
-    return Finding("compilation cache", f"{folder}: {len(files)} files, {size / 1e6:.0f} MB")
+    ours = f" ({programs.SWITCH}=off keeps none)" if folder.parent.name == "programs" else ""
+    return Finding("compilation cache", f"{folder}: {len(files)} files, {size / 1e6:.0f} MB{ours}")
 
 
 def _writable(folder: Path) -> bool:

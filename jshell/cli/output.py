@@ -13,6 +13,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
+from jshell import programs
 from jshell.errors import BadName, BadValue, JshellError, Outcome
 
 BAD_INPUT = 2
@@ -88,6 +89,7 @@ def speaking(verb: Callable[..., None]) -> Callable[..., None]:
     def wrapped(*args, **given) -> None:
         with warnings.catch_warnings():
             warnings.simplefilter("always", UserWarning)
+            warnings.filterwarnings("ignore", programs.UNREADABLE, UserWarning)
             warnings.showwarning = lambda message, *_, **__: log(f"warning: {message}")
             try:
                 verb(*args, **given)

@@ -38,8 +38,8 @@ def fresh(*words: str, **environment: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-def test_no_help_waits_for_jax():
-    done = fresh("-c", HELP)
+def test_no_help_waits_for_jax(tmp_path):
+    done = fresh("-c", HELP, XDG_CACHE_HOME=str(tmp_path))
     assert done.returncode == 0, done.stderr
 
 
@@ -73,9 +73,12 @@ def test_a_second_process_compiles_nothing_and_says_nothing_of_it(tmp_path):
     made = sorted(path.name for path in (tmp_path / "jshell" / "programs").rglob("*-cache"))
     assert made, first.stderr
     second = fresh(*words, XDG_CACHE_HOME=str(tmp_path))
+    spoiled = next((tmp_path / "jshell" / "programs").rglob("*-cache"))  # as a process leaves it that is killed
+    spoiled.write_bytes(spoiled.read_bytes()[:100])
+    third = fresh(*words, XDG_CACHE_HOME=str(tmp_path))
     assert sorted(path.name for path in (tmp_path / "jshell" / "programs").rglob("*-cache")) == made
-    assert second.stdout == first.stdout
-    for done in (first, second):
+    assert third.stdout == second.stdout == first.stdout
+    for done in (first, second, third):
         assert done.returncode == 3  # the recording leaves one constant free
         assert [line.split(":")[0] for line in done.stderr.splitlines()] == ["warning", "rank_deficient"]
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import jshell as js
+from jshell.calibration import Estimate
 
 SHORT = 400  # characters, a few lines of a terminal
 
@@ -64,3 +65,24 @@ def test_verbs_at_the_top_are_those_of_the_rooms():
     assert js.modes is js.dynamics.modes
     assert js.extract is js.signals.extract
     assert js.fit is js.calibration.fit_trajectories
+
+
+def test_fits_show_their_constants_and_how_they_ended():
+    pair = (Estimate("alpha1", 3.6, 0.1), Estimate("alpha2", 1.1, 0.2), Estimate("dV[1]", 0.1, 0.01))
+    fitted = js.FitResult(
+        "Strict fit of 1 trace", js.Outcome.OK, pair, (), np.eye(2), np.eye(2), ("alpha1", "alpha2"), np.zeros(10), 8.0,
+        10, 2, False,
+    )  # fmt: skip
+    wanted = "alpha1 3.6 ± 0.1, alpha2 1.1 ± 0.2, reduced χ² 1, 10 data, ok"
+    assert repr(fitted) == f"FitResult(Strict fit of 1 trace, {wanted})"
+
+
+def test_a_batch_shows_medians_and_how_its_rows_ended():
+    rows, none = np.tile([3.6, 1.1, 0.23, 8.0, np.nan], (3, 1)), np.zeros(3)
+    outcome, misfit = np.array([0, 0, js.Outcome.STALLED]), np.array([False, True, False])
+    batch = js.calibration.BatchResult(
+        rows, rows, np.zeros((3, 5, 5)), rows[:, :2], np.zeros((3, 6)), rows[:, :2], outcome, none, none, misfit,
+        np.zeros((3, 4)), none, none, none, (), False,
+    )  # fmt: skip
+    wanted = "3 rows, median alpha1 3.6, median alpha2 1.1, median k_vs 0.23, median tau 8, median beta1 nan, 1 misfits"
+    assert repr(batch) == f"BatchResult({wanted}, 2 ok, 1 stalled)"
