@@ -1,17 +1,21 @@
 # make demo: the main job, end to end.   make test: lint, types, tests.   make slow, make bench: the long ones.
+# make test-apart: the tests that need a browser, a database server, or execute notebooks.
 # make docs: the pages, into out/docs.   make notebooks: all executed, into out/notebooks.   make release: built and tried.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test lint slow bench docs notebooks release clean
+.PHONY: demo test test-apart lint slow bench docs notebooks release clean
 
 demo: $(STAMP)
 	$(BIN)/jshell demo --out out/demo
 
 test: $(STAMP) lint
 	$(BIN)/python -m pytest -n 2 --dist worksteal
+
+test-apart: $(STAMP)
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "apart and not slow"
 
 lint: $(STAMP)
 	$(BIN)/ruff check .
@@ -46,4 +50,4 @@ $(STAMP): pyproject.toml constraints.txt
 	touch $(STAMP)
 
 clean:
-	rm -rf $(VENV) out build dist
+	rm -rf $(VENV) .programs out build dist

@@ -61,7 +61,7 @@ def keep() -> None:
 def place() -> Path | None:
     """The folder of this user on this kind of processor, made where it is not there; None where none can be."""
     try:
-        folder = _caches() / "jshell" / "programs" / _processor()
+        folder = _caches() / "jshell" / "programs" / processor()
         folder.mkdir(parents=True, exist_ok=True)
     except (OSError, RuntimeError):  # no home, or one that cannot be written
         return None
@@ -108,7 +108,7 @@ def _caches() -> Path:
     return Path.home() / ".cache"
 
 
-def _processor() -> str:
+def processor() -> str:
     """A name for this kind of processor: its features where the system tells them, else the machine's own name."""
     told = Path("/proc/cpuinfo")
     lines = told.read_text(encoding="utf-8", errors="replace").splitlines() if told.exists() else []

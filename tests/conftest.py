@@ -1,25 +1,31 @@
+# ruff: noqa: E402  (the folder of compiled programs is chosen before JAX is imported)
 """House rules of every test: float64, no silent rank promotion; and what many tests share.
 
 Compiling costs more than running here, so shapes and modes that several rooms
 need are computed once a session, problems are made of arrays (a number that is
 a Python float is compiled in, an array is not), and what was compiled is kept
-in a folder for as long as the session lasts: for the other worker, and for the
-processes that tests start.
+in a folder beside `.venv`: for the other worker, for the processes that tests
+start, and for the next time.
 """
 
-import atexit
 import gc
 import json
 import os
-import shutil
-import tempfile
 from pathlib import Path
 from typing import NamedTuple
 
+ROOT = Path(__file__).parents[1]
+
 if "JAX_COMPILATION_CACHE_DIR" not in os.environ:  # JAX reads it when it is imported; workers inherit it
-    os.environ["JAX_COMPILATION_CACHE_DIR"] = programs = tempfile.mkdtemp(prefix="jshell-programs-")
+    os.environ["JSHELL_PROGRAM_CACHE"] = "off"  # jshell's own folder is the user's
+    from jshell import programs
+
+    folder = ROOT / ".programs" / programs.processor()
+    folder.mkdir(parents=True, exist_ok=True)
+    programs.trim(folder, programs.LIMIT)
+    os.environ["JAX_COMPILATION_CACHE_DIR"] = str(folder)
     os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.3")
-    atexit.register(shutil.rmtree, programs, ignore_errors=True)
+    del os.environ["JSHELL_PROGRAM_CACHE"]
 
 import equinox as eqx
 import jax
@@ -36,6 +42,17 @@ jax.config.update("jax_numpy_rank_promotion", "raise")
 
 ELEMENTS = 24
 REFERENCE = Path(__file__).parent / "data" / "reference"
+
+
+APART = {"chromium", "cluster"}  # fixtures that need a browser, a database server
+
+
+def pytest_collection_modifyitems(items) -> None:
+    """Mark what `make test` leaves to `make test-apart`."""
+    for item in items:
+        values = getattr(getattr(item, "callspec", None), "params", {}).values()
+        if APART & set(item.fixturenames) or "postgresql" in values or item.path.parent.name == "notebooks":
+            item.add_marker("apart")
 
 
 def problem(thickness, gas_pressure, outer_pressure, viscosity=0.0) -> Reduced:

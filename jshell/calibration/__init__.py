@@ -23,7 +23,7 @@ from jshell.renamed import renamed
 
 __all__ = [
     "BatchResult", "Bootstrap", "Comparison", "Estimate", "FitOptions", "FitResult", "FitWarning", "NonlinearFits",
-    "Prior", "Recordings", "Refits", "Start", "bootstrap_frequencies", "campaign", "compare", "fit_batch",
+    "Prior", "Recordings", "Refits", "Start", "bootstrap_frequencies", "compare", "fit_batch",
     "fit_conditions", "fit_frequencies", "fit_nonlinear", "fit_trajectories", "least_squares", "load", "losses",
     "master_curve", "prepare", "trace_loss", "trajectories", "uncertainty",
 ]  # fmt: skip

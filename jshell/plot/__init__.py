@@ -25,8 +25,8 @@ from jshell.renamed import renamed
 
 __all__ = [
     "animate", "branches", "channel", "deflation", "demo", "film", "filmstrip", "fits", "frequencies",
-    "identified_modes", "master_curve", "mode_shape", "moments", "new_figure", "overview", "paper", "paper_numbers",
-    "profiles", "response", "rest_shape", "save", "sensitivity", "shapes", "snapshot", "style", "trace_fit", "traces",
+    "identified_modes", "master_curve", "mode_shape", "moments", "new_figure", "overview", "profiles", "response",
+    "rest_shape", "save", "sensitivity", "shapes", "snapshot", "style", "trace_fit", "traces",
 ]  # fmt: skip
 __getattr__ = renamed(
     __name__,

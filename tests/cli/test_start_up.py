@@ -22,7 +22,7 @@ HELP = """
 import sys
 from typer.testing import CliRunner
 from jshell.cli.main import VERBS, app
-deriving = ("fit", "submit")  # their options are calibration's own, which JAX comes with
+deriving = ("demo", "fit", "show", "submit")  # what they offer is calibration's own, which JAX comes with
 for words in [], *[[verb] for verb in VERBS if verb not in deriving]:
     answer = CliRunner().invoke(app, [*words, "--help"])
     assert answer.exit_code == 0, (words, answer.output)

@@ -54,7 +54,6 @@ assert not hasattr(jshell, "Server")
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.filterwarnings("ignore:.*is `jshell.paper:DeprecationWarning")  # names of the release before
 @pytest.mark.parametrize("name", ["jshell", *ROOMS])
 def test_every_announced_name_exists(name):
     module = importlib.import_module(name)

@@ -114,7 +114,8 @@ def test_every_way_in_asks_for_the_same(options, words, fields, monkeypatch):
 
 
 def test_every_way_in_says_the_same_words():
-    verbs = typer.main.get_command(app).commands  # pyright: ignore[reportAttributeAccessIssue]
+    group: Any = typer.main.get_command(app)
+    verbs = {verb: group.resolve_command(typer.Context(group), [verb])[1] for verb in ("fit", "submit")}
     described = FitRequest.model_json_schema()["properties"]
     for name in OPTIONS:
         told = words_of(name)

@@ -248,7 +248,7 @@ OTHERS: dict[str, Callable[[], dict]] = {
     "profile": lambda: _around("profile"),
     "bootstrap": lambda: _around("bootstrap"),
 }
-FAST_OTHERS = ("frequencies", "frequencies_bounds", "batch_mixed_retried", "profile")
+FAST_OTHERS = ("frequencies", "frequencies_bounds", "profile")
 
 
 def quietly(run: Callable[[], Any]) -> Any:

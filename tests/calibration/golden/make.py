@@ -9,11 +9,13 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from cases import FITS, HERE, OTHERS, golden  # pyright: ignore[reportMissingImports]
 
+from jshell import programs
 from jshell.io.records import plain
 
 
 def main(names: list[str]) -> None:
-    """Write them."""
+    """Write them, and on which kind of processor they were found."""
+    (HERE / "processor.txt").write_text(programs.processor() + "\n", encoding="utf-8")
     for name in names or (*FITS, *OTHERS):
         begun = time.perf_counter()
         content = json.dumps(plain(golden(name)), ensure_ascii=False, indent=1)
