@@ -47,11 +47,13 @@ REFERENCE = Path(__file__).parent / "data" / "reference"
 APART = {"chromium", "cluster"}  # fixtures that need a browser, a database server
 
 
+@pytest.hookimpl(tryfirst=True)  # before the choice by marks
 def pytest_collection_modifyitems(items) -> None:
     """Mark what `make test` leaves to `make test-apart`."""
     for item in items:
-        values = getattr(getattr(item, "callspec", None), "params", {}).values()
-        if APART & set(item.fixturenames) or "postgresql" in values or item.path.parent.name == "notebooks":
+        url = getattr(getattr(item, "callspec", None), "params", {}).get("url")
+        needs = APART & set(getattr(item, "fixturenames", ()))
+        if needs or url == "postgresql" or item.path.parent.name == "notebooks":
             item.add_marker("apart")
 
 
