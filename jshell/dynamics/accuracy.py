@@ -43,14 +43,7 @@ class ModesError:
 def estimate_error(
     conditions: Reduced, *, elements: int = 32, step: float | int = LONGEST_STEP, **options
 ) -> TraceError:
-    """Error of a run by one on 1.5 times the elements with half the step; takes the options of `simulate`.
-
-    Example:
-        >>> import jshell as js
-        >>> found = js.dynamics.estimate_error(js.presets.R.conditions, elements=16, duration=2.0)
-        >>> found.volume < 1e-4
-        True
-    """
+    """Error of a run by one on 1.5 times the elements with half the step; takes the options of `simulate`."""
     coarse = simulate(conditions, elements=elements, step=step, **options)
     fine = simulate(conditions, elements=round(REFINED * elements), step=step / 2, **options)
     return TraceError(volume_apart(coarse, fine), coarse, fine)

@@ -77,6 +77,7 @@ def test_thinning_keeps_the_first_sample_and_the_spacing(short_blocks):
     np.testing.assert_allclose(np.diff(few.elapsed), 5 * record.elapsed[1], rtol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:the plateau law:jshell.calibration.FitWarning")
 @pytest.mark.parametrize(
     "options",

@@ -38,6 +38,7 @@ def test_fifty_random_shells_are_recovered_by_the_exact_solver():
         _recovered(seed, "exact")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 25])
 def test_random_shells_are_recovered_by_the_adaptive_solver(seed):
     _recovered(seed, "diffrax")

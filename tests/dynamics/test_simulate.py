@@ -192,6 +192,7 @@ def test_settings_say_how_the_run_was_made_and_what_happened(snap):
     assert "ended_at" not in settings
 
 
+@pytest.mark.slow
 def test_a_crushing_load_ends_in_a_reported_outcome(make_problem):
     problem = make_problem(0.22, 0.1, 2.5, 0.004)
     trace = simulate(problem, duration=70.0, elements=24, stokes_frequency=1.2)

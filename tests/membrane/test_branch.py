@@ -132,6 +132,7 @@ def test_gradient_of_the_held_pressure_is_its_difference(which, held):
     assert float(slope) == pytest.approx(float(more - less) / (2 * h), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_the_estimated_error_is_the_error(R, rest_R):
     coarse = rest(R, elements=12)
     found = estimate_error(coarse, R)

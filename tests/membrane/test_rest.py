@@ -36,6 +36,7 @@ def test_rest_shapes_of_other_shells(family, cases):
         assert float(found.gap[k]) == pytest.approx(case["gap"], rel=5e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("area", "V", "S", "P", "omega"),
     [
