@@ -11,6 +11,7 @@ from jshell.contour import regrade, volume
 from jshell.dynamics import (
     Losses,
     Ramp,
+    estimate_error,
     estimate_modes_error,
     kick,
     modes,
@@ -110,6 +111,13 @@ def test_a_recorded_run_holds_its_shapes(R):
     assert motion.coordinates.shape == (21, shape.sphere.size)
     last = regrade(shape, motion.nodes[-1])
     assert float(volume(last, motion.coordinates[-1])) == pytest.approx(float(motion.trace["V"][-1]), rel=1e-12)
+
+
+@pytest.mark.slow
+def test_the_error_of_a_run_is_estimated_by_a_finer_one(R):
+    found = estimate_error(R, elements=16, duration=2.0)
+    assert 0 < found.volume < 1e-4
+    assert (found.coarse.settings[0], found.fine.settings[0]) == (("elements", "16"), ("elements", "24"))
 
 
 @pytest.mark.slow
