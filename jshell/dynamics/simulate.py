@@ -240,14 +240,16 @@ def _run(
         q = relax(body_of(setup, shape), q + move, protocol(jnp.asarray(0.0)), area)
 
     count = round(duration / every)
-    traced = any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((setup, q, kick, protocol)))
-    # outside a trace one program serves all runs: those that keep no shapes have them and drop them
-    pace = Pace(float(every), math.ceil(every / step - 1e-9), bool(follow), shapes or not traced)
+    pace = Pace(float(every), math.ceil(every / step - 1e-9), bool(follow), shapes)
     # where the nodes follow the rim, the last stretch is run to its end and then cut
     ahead = schedule(protocol, pace.stretch * math.ceil(count / pace.stretch), pace)
+    # a law of the pressure may hold what is traced where nobody sees it: its numbers tell
+    traced = any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((setup, q, kick, ahead)))
+    # outside a trace one program serves all runs: those that keep no shapes have them and drop them
+    pace = pace._replace(shapes=shapes or not traced)
     began, first = begin(setup, q, kick, protocol(jnp.asarray(0.0)))
     opening = Sample(first, jnp.asarray(True), *((q, kick, shape.nodes) if pace.shapes else (jnp.zeros(0),) * 3))
-    if traced:
+    if traced and checkpoint is None and progress is None:
         state, samples = go_on(setup, began, ahead, jnp.asarray(0), pace)
     else:
         state, samples = _in_chunks(setup, began, ahead, pace, checkpoint, progress)
@@ -281,7 +283,8 @@ def _in_chunks(setup, began, ahead: Schedule, pace, checkpoint, report) -> tuple
         state, samples = go_on(setup, state, ahead.part(done, done + size), jnp.asarray(done), pace)
         parts.append(samples)
         # a run that ended has nothing more to say
-        done = min(done + size, count) if int(state.outcome) == Outcome.OK else count
+        ended = not isinstance(state.outcome, Tracer) and int(state.outcome) != Outcome.OK
+        done = count if ended else min(done + size, count)
         if done == count or done // size % REPORT == 0:
             if file is not None:
                 file.save(state, parts, done)

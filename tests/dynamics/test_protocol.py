@@ -3,6 +3,7 @@
 import subprocess
 import sys
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -41,6 +42,17 @@ def test_a_forcing_adds_to_the_pressure(R):
     driven = simulate(R, ramp=0.5, forcing=lambda t: 0.1 * jnp.sin(t), **SHORT)
     steady = 0.9 + 0.7 * np.clip(np.asarray(driven.times) / 0.5, 0, 1)
     np.testing.assert_allclose(driven["P_ext"], steady + 0.1 * np.sin(driven.times), rtol=1e-12)
+
+
+@pytest.mark.slow
+def test_a_forcing_that_holds_what_is_traced_is_differentiated(R):
+    def last(size):
+        return simulate(R, ramp=0.5, forcing=lambda t: size * jnp.sin(t), **SHORT)["V"][-1]
+
+    h = 1e-4
+    slope = float(jax.jit(jax.jacfwd(last))(jnp.asarray(0.1)))
+    # h² times a third derivative
+    assert slope == pytest.approx(float(last(0.1 + h) - last(0.1 - h)) / (2 * h), rel=1e-6)
 
 
 @pytest.mark.parametrize("record", [([0.0, 0.0], [1.0, 1.0]), ([0.0, 1.0], [1.0, np.nan])])
