@@ -160,8 +160,8 @@ def _from_si(
             "rho": liquid.density,
             "eta": liquid.viscosity,
         } | given
-        kappa = gas.kappa if kappa is None else kappa
-        nu = shell.poisson_ratio if nu is None else nu
+        kappa = float(gas.kappa) if kappa is None else kappa
+        nu = float(shell.poisson_ratio) if nu is None else nu
     else:
         _require(given, ("r0", "d", "e", "p0", "pext", "rho"))
         full = {"eta": 0.0} | given

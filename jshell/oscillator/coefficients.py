@@ -59,7 +59,11 @@ class Coefficients(eqx.Module):
         check("alpha2", self.alpha2, "a finite number above 0", lambda x: x > 0)
         check("k_vs", self.k_vs, "a finite number", lambda x: x == x)
         check("beta1", self.beta1, "a finite number of at least 0", lambda x: x >= 0)
-        check("beta2", self.beta2, "a finite number of at least 0, or None", lambda x: x >= 0)
+        check("beta2", self.beta2, "a finite number of at least 0, or None", lambda x: x >= 0, optional=True)
+
+    def as_arrays(self) -> "Coefficients":
+        """The same numbers as JAX arrays, so that a compiled program serves every value."""
+        return jax.tree.map(lambda number: jnp.asarray(number, dtype=float), self)
 
     @staticmethod
     def equal_decay(

@@ -188,9 +188,9 @@ class Drag(eqx.Module):
         choose("liquid", self.liquid, LIQUIDS)
         if self.liquid == "equal_decay" and self.tau is None:
             raise BadName("tau", found="none", expected="a decay time for equal_decay", remedy="Give tau=….")
-        check("tau", self.tau, "a time above 0", lambda x: x > 0)
+        check("tau", self.tau, "a time above 0", lambda x: x > 0, optional=True)
         check("wall_viscosity", self.wall_viscosity, "a finite number of at least 0", lambda x: x >= 0)
-        check("sound_speed", self.sound_speed, "a number above 0", lambda x: x > 0)
+        check("sound_speed", self.sound_speed, "a number above 0", lambda x: x > 0, optional=True)
 
     @property
     def remembers_speed(self) -> bool:

@@ -176,6 +176,7 @@ def simulate_regimes(
     return Trajectory(trace, tuple(switches), at, outcome, accepted, rejected)
 
 
+@eqx.filter_jit
 def _first_state(driven: Driven, regime: int, outer: float) -> tuple[jax.Array, ...]:
     """Leaves of a state at rest under an outer pressure."""
     c = driven.conditions

@@ -40,12 +40,15 @@ def unbuckling_volume(conditions: Reduced, coefficients: Coefficients, state: Re
     at_rest = borne(state.volume, conditions, coefficients, state)
     slope = borne(state.volume + 1.0, conditions, coefficients, state) - at_rest
 
-    def solve(plateau: Any, slope: Any, V_e: Any, thickness: Any, ratio: Any) -> jax.Array:
-        like = Reduced(thickness, 1.0, 1.0, poisson_ratio=ratio)
-        excess = lambda R, _: wall_pressure(R, like) - plateau - slope * (SPHERE_VOLUME * R**3 - V_e)  # noqa: E731
-        found = optx.root_find(excess, optx.Newton(1e-13, 1e-13), jnp.asarray(1.0), None, throw=False, max_steps=64)
-        return SPHERE_VOLUME * jnp.where(found.result == optx.RESULTS.successful, found.value, jnp.nan) ** 3
-
     given = (at_rest, slope, state.volume, conditions.thickness, conditions.poisson_ratio)
     numbers = jnp.broadcast_arrays(*(jnp.asarray(x, dtype=float) for x in given))
-    return jnp.vectorize(solve)(*numbers)
+    return _meeting(*numbers)
+
+
+@jax.jit
+@jnp.vectorize
+def _meeting(plateau: Any, slope: Any, V_e: Any, thickness: Any, ratio: Any) -> jax.Array:
+    like = Reduced(thickness, 1.0, 1.0, poisson_ratio=ratio)
+    excess = lambda R, _: wall_pressure(R, like) - plateau - slope * (SPHERE_VOLUME * R**3 - V_e)  # noqa: E731
+    found = optx.root_find(excess, optx.Newton(1e-13, 1e-13), jnp.asarray(1.0), None, throw=False, max_steps=64)
+    return SPHERE_VOLUME * jnp.where(found.result == optx.RESULTS.successful, found.value, jnp.nan) ** 3

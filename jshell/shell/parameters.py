@@ -11,6 +11,7 @@ Source     Mokbel et al. 2021, section "Description of relevant parameters"
 import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -20,6 +21,7 @@ from jax.core import Tracer
 
 from jshell.display import PRESSURE, number, readable, shown
 from jshell.errors import BadValue
+from jshell.shell.laboratory import refuse_slips
 
 Number = float | jax.Array | np.ndarray
 CONDITION_FIELDS = {
@@ -32,10 +34,27 @@ CONDITION_FIELDS = {
 }  # keys of files to fields of `Reduced`, in its order
 
 
-def check(place: str, value: Number | None, expected: str, good: Callable[[np.ndarray], np.ndarray]) -> None:
-    """Refuse a concrete value outside its meaning; traced values pass."""
-    if isinstance(value, Tracer) or not isinstance(value, int | float | np.ndarray | np.generic | jax.Array):
-        return  # under jit the caller has checked; a non-number is one of JAX's internal placeholders
+def check(
+    place: str,
+    value: Any,
+    expected: str,
+    good: Callable[[np.ndarray], np.ndarray],
+    *,
+    optional: bool = False,
+) -> None:
+    """Refuse what is no number, or a concrete one outside its meaning; traced values pass, and None where optional."""
+    if isinstance(value, Tracer) or (value is None and optional):
+        return  # under jit the caller has checked
+    if isinstance(value, str | bytes | list | tuple | dict | complex | None):
+        shown = repr(value) if len(repr(value)) <= 40 else repr(value)[:37] + "..."
+        raise BadValue(
+            place,
+            found=f"{shown}, a {type(value).__name__}" if value is not None else "None",
+            expected=expected,
+            remedy="Give a number, or an array of numbers, without its unit.",
+        )
+    if not isinstance(value, int | float | np.ndarray | np.generic | jax.Array):
+        return  # one of JAX's internal placeholders
     numbers = np.asarray(value, dtype=float)
     ok = np.isfinite(numbers) & good(numbers)
     if not np.all(ok):
@@ -62,10 +81,10 @@ class Shell:
         poisson_ratio: Poisson ratio ν [-], -1 < ν <= 1/2.
     """
 
-    radius: float
-    thickness: float
-    youngs_modulus: float
-    poisson_ratio: float = 0.5
+    radius: Number
+    thickness: Number
+    youngs_modulus: Number
+    poisson_ratio: Number = 0.5
 
     def __post_init__(self) -> None:
         _positive("radius [m]", self.radius)
@@ -78,8 +97,8 @@ class Shell:
 class Gas:
     """The gas inside the stress-free shell: pressure P0 [Pa] and polytropic exponent κ [-]."""
 
-    pressure: float
-    kappa: float = 1.4
+    pressure: Number
+    kappa: Number = 1.4
 
     def __post_init__(self) -> None:
         _positive("gas pressure [Pa]", self.pressure)
@@ -90,8 +109,8 @@ class Gas:
 class Liquid:
     """The liquid outside: density ρ_f [kg/m³] and dynamic viscosity η_f [Pa s]."""
 
-    density: float = 1000.0
-    viscosity: float = 1e-3
+    density: Number = 1000.0
+    viscosity: Number = 1e-3
 
     def __post_init__(self) -> None:
         _positive("density [kg/m^3]", self.density)
@@ -102,7 +121,7 @@ class Liquid:
 class Load:
     """The pressure far away in the liquid, P_ext [Pa]."""
 
-    pressure: float
+    pressure: Number
 
     def __post_init__(self) -> None:
         _positive("outer pressure [Pa]", self.pressure)
@@ -118,14 +137,16 @@ class Scales:
         density: ρ_f [kg/m³].
     """
 
-    length: float
-    pressure: float
-    density: float
+    length: Any  # numbers; traced ones while a derivative in SI is taken
+    pressure: Any
+    density: Any
 
     @property
     def time(self) -> float:
         """sqrt(ρ_f R0³/(E d)) [s]."""
-        return self.length * float(np.sqrt(self.density / self.pressure))
+        ratio: Any = self.density / self.pressure
+        root: Any = jnp.sqrt(ratio) if isinstance(ratio, jax.Array) else float(np.sqrt(ratio))
+        return self.length * root
 
     @property
     def frequency(self) -> float:
@@ -234,7 +255,20 @@ class Reduced(eqx.Module):
 
     @staticmethod
     def from_si(shell: Shell, gas: Gas, liquid: Liquid, load: Load) -> "Reduced":
-        """The same problem without units; `scales` gives the way back."""
+        """The same problem without units, differentiable in every number; `scales` gives the way back.
+
+        Raises:
+            BadValue: A number that no laboratory has, with the unit that it was probably written in.
+        """
+        refuse_slips(
+            **{
+                "radius [m]": shell.radius,
+                "youngs_modulus [Pa]": shell.youngs_modulus,
+                "gas pressure [Pa]": gas.pressure,
+                "outer pressure [Pa]": load.pressure,
+                "density [kg/m^3]": liquid.density,
+            }
+        )
         unit = scales(shell, liquid)
         return Reduced(
             thickness=shell.thickness / shell.radius,

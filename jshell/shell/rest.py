@@ -12,6 +12,7 @@ Source     Mokbel et al. 2021: eq:equiplateau, eq:equivol, eq:NRJsph
 import warnings
 from typing import Literal, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
@@ -105,6 +106,11 @@ def sphere_state(conditions: Reduced) -> RestState:
     Source:
         eq:NRJsph with eq:Ug; R solves P_ext - P + U'(R)/(4πR²) = 0, U the sphere's energy.
     """
+    return _sphere_state(conditions.as_arrays())
+
+
+@jax.jit
+def _sphere_state(conditions: Reduced) -> RestState:
     K = moduli(conditions.thickness, conditions.poisson_ratio)
 
     def imbalance(radius, conditions):

@@ -9,14 +9,13 @@ Valid for  small radial oscillations about any compressed sphere
 Source     Mokbel et al. 2021: eq:wsphere, eq:NRJsph; section "Softening of buckled shells"
 """
 
-import jax
 import jax.numpy as jnp
-import optimistix as optx
 from jaxtyping import Array, Float
 
 from jshell.shell.elasticity import SPHERE_VOLUME, Scalar, buckling_threshold, moduli
 from jshell.shell.parameters import Reduced
-from jshell.shell.rest import RestState, sphere_state
+from jshell.shell.rest import RestState, gas_pressure, sphere_state
+from jshell.shell.unbuckling import buckling_volume
 
 
 def sphere_frequency(state: RestState, conditions: Reduced) -> Float[Array, ""]:
@@ -69,13 +68,5 @@ def buckling_load(conditions: Reduced) -> Float[Array, ""]:
     Source:
         Section "Softening of buckled shells"; eq:NRJsph.
     """
-    K = moduli(conditions.thickness, conditions.poisson_ratio)
     threshold = jnp.asarray(buckling_threshold(conditions.thickness, conditions.poisson_ratio))
-
-    def excess(radius: jax.Array, threshold: jax.Array) -> jax.Array:
-        return 4 * (1 - radius) * (K.area * radius * (2 * radius - 1) + K.bending) / radius**2 - threshold
-
-    solver = optx.Newton(rtol=1e-13, atol=1e-13)
-    solution = optx.root_find(excess, solver, jnp.asarray(1.0), threshold, throw=False, max_steps=64)
-    R = jnp.where(solution.result == optx.RESULTS.successful, solution.value, jnp.nan)
-    return jnp.asarray(conditions.gas_pressure * R ** (-3 * conditions.kappa) + threshold)
+    return gas_pressure(buckling_volume(conditions), conditions) + threshold

@@ -28,16 +28,18 @@ def wall_pressure(radius: Scalar, conditions: Reduced) -> Float[Array, "..."]:
 
 def radius_bearing(pressure: Scalar, conditions: Reduced) -> Float[Array, "..."]:
     """Radius of the sphere whose wall bears a pressure difference; NaN where none does. Batches are welcome."""
-
-    def solve(pressure: jax.Array, thickness: jax.Array, ratio: jax.Array) -> jax.Array:
-        like = Reduced(thickness, 1.0, 1.0, poisson_ratio=ratio)
-        excess = lambda R, args: wall_pressure(R, like) - pressure  # noqa: E731
-        solver = optx.Newton(rtol=1e-13, atol=1e-13)
-        found = optx.root_find(excess, solver, jnp.asarray(1.0), None, throw=False, max_steps=64)
-        return jnp.where(found.result == optx.RESULTS.successful, found.value, jnp.nan)
-
     numbers = (jnp.asarray(x, dtype=float) for x in (pressure, conditions.thickness, conditions.poisson_ratio))
-    return jnp.vectorize(solve)(*jnp.broadcast_arrays(*numbers))
+    return _radius_bearing(*jnp.broadcast_arrays(*numbers))
+
+
+@jax.jit
+@jnp.vectorize
+def _radius_bearing(pressure: jax.Array, thickness: jax.Array, ratio: jax.Array) -> jax.Array:
+    like = Reduced(thickness, 1.0, 1.0, poisson_ratio=ratio)
+    excess = lambda R, args: wall_pressure(R, like) - pressure  # noqa: E731
+    solver = optx.Newton(rtol=1e-13, atol=1e-13)
+    found = optx.root_find(excess, solver, jnp.asarray(1.0), None, throw=False, max_steps=64)
+    return jnp.where(found.result == optx.RESULTS.successful, found.value, jnp.nan)
 
 
 def unbuckling_volume(conditions: Reduced) -> Float[Array, "..."]:
