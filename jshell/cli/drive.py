@@ -15,11 +15,15 @@ from jshell.cli.destinations import OutFile, Picture, drawable, traceable
 from jshell.cli.output import Json, finish, log, say, speaking, table
 from jshell.cli.problem import Problem, with_conditions
 from jshell.errors import BadValue, Outcome, choose
+from jshell.sizes import count_of_samples
 
 if TYPE_CHECKING:
     import jshell.pressure
 
 FORCINGS = ("tone", "pulse", "burst", "step", "ramp")
+HARMONICS = 3  # multiples of the drive that the answer is sampled for
+USUAL_SPACING = 0.05  # of the samples [time unit]
+SAMPLES_PER_LIMIT = 2  # finer than the limit that its fastest motion sets by this
 DRAGS = ("viscous", "equal_decay", "reynolds", "none")
 
 
@@ -42,7 +46,10 @@ def drive(
     mhz: Annotated[float | None, typer.Option("--mhz", help="Frequency in MHz (needs SI conditions).")] = None,
     rise: Annotated[float, typer.Option(help="Length of a ramp.")] = 10.0,
     duration: Annotated[float, typer.Option(help="Length of the run.")] = 100.0,
-    every: Annotated[float, typer.Option(help="Spacing of the samples.")] = 0.05,
+    every: Annotated[
+        float | None,
+        typer.Option(help="Spacing of the samples; by default 0.05, or less where drive or shell are faster."),
+    ] = None,
     drag: Annotated[
         str | None, typer.Option(help="viscous, equal_decay, reynolds or none.", show_default="viscous")
     ] = None,
@@ -64,10 +71,29 @@ def drive(
     short = jshell.oscillator
     memory = short.StokesLayer(jshell.memory.half_derivative(), layer) if layer > 0 else None
     losses = short.Drag(law, tau, short.Reynolds(), memory, wall_viscosity, sound_speed)
-    times = np.arange(0.0, duration + every / 2, every)
+    times = _times(problem, constants, omega, duration, every)
     log(f"driving {duration:g} time units at angular frequency {omega:g}")
     found = short.drive(problem.conditions, constants, pressure, times=times, drag=losses)
     _tell(problem, found, found_decay, omega, out, plot, as_json)
+
+
+def _times(
+    problem: Problem, constants: "jshell.oscillator.Coefficients", omega: float, duration: float, every: float | None
+) -> np.ndarray:
+    """When the run is sampled: fine enough for three times the drive and for the shell's fast mode."""
+    fast = float(jshell.oscillator.frequencies(problem.conditions, constants).omega_plus)
+    fastest = max(HARMONICS * omega, fast if np.isfinite(fast) else 0.0)
+    if every is None:
+        every = min(USUAL_SPACING, np.pi / (SAMPLES_PER_LIMIT * fastest)) if fastest > 0 else USUAL_SPACING
+    elif every * omega > np.pi:
+        raise BadValue(
+            "--every",
+            found=f"{every:g}, less than two samples a period of the drive at angular frequency {omega:g}",
+            expected=f"at most {np.pi / omega:.3g}; {np.pi / fastest:.3g} shows its harmonics",
+            remedy="Sample more often, or leave --every out.",
+        )
+    count = count_of_samples("--duration, --every", duration, every)
+    return every * np.arange(count + 1)
 
 
 def _tell(

@@ -17,11 +17,13 @@ from jaxtyping import Array, Float
 from jshell.contour.curve import Meridian, Near
 from jshell.contour.splines import ORDER, Numbers, ParitySplines, local_splines
 from jshell.errors import BadValue
+from jshell.sizes import limited
 
 POINTS = 5  # Gauss points per element: a quintic's curvature squared is integrated to rounding
 NEAR_POINTS = 10  # graded points on each element that touches a node
 GRADING = 4  # s = u⁴ turns a logarithm at s = 0 into u³ log u
 MINIMUM_ELEMENTS = 8
+MOST_ELEMENTS = 1024  # its matrices take 2 GB
 
 
 def breakpoints(elements: int, attached: float = 0.0) -> tuple[np.ndarray, int | None]:
@@ -63,6 +65,7 @@ def meridian(elements: int = 32, attached: float = 0.0, breaks: np.ndarray | Non
             expected=f"an integer of at least {MINIMUM_ELEMENTS}",
             remedy="32 is usual.",
         )
+    limited("elements", elements, MOST_ELEMENTS, "elements")
     if not 0.0 <= attached <= 2.0:
         raise BadValue("attached", found=repr(attached), expected="an angle from 0 to 2 rad", remedy="0.33 is usual.")
     even, edge = breakpoints(int(elements), float(attached))

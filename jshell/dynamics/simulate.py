@@ -43,8 +43,10 @@ from jshell.membrane.rest import cached_meridian, raise_unless_ok, warn_of_asymm
 from jshell.pressure import Hold, Pressure, Ramp, Recorded, Sum
 from jshell.shell.elasticity import SPHERE_VOLUME, Scalar
 from jshell.shell.parameters import Number, Reduced, check
+from jshell.sizes import count_of_samples, limited
 from jshell.trace import Trace, Values
 
+MOST_STEPS = 20_000_000  # of a run: three pressures are kept for each
 LONGEST_STEP = 1 / 60  # [time unit]: a kicked shell keeps its energy to 1e-4 over ten periods
 CHUNK = 20  # samples that one program takes: runs of any length share it
 REPORT = 10  # chunks between two reports of progress
@@ -239,8 +241,9 @@ def _run(
     if displacement is not None:
         q = relax(body_of(setup, shape), q + move, protocol(jnp.asarray(0.0)), area)
 
-    count = round(duration / every)
-    pace = Pace(float(every), math.ceil(every / step - 1e-9), bool(follow), shapes)
+    count = count_of_samples("duration, every", duration, every)
+    inner = limited("step", math.ceil(every / step - 1e-9), MOST_STEPS // count, "steps between samples")
+    pace = Pace(float(every), inner, bool(follow), shapes)
     # where the nodes follow the rim, the last stretch is run to its end and then cut
     ahead = schedule(protocol, pace.stretch * math.ceil(count / pace.stretch), pace)
     # a law of the pressure may hold what is traced where nobody sees it: its numbers tell

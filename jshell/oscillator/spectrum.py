@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 from jshell.errors import BadValue
 from jshell.renamed import renamed_arguments, renamed_attribute
 from jshell.shell.parameters import Number
+from jshell.undetermined import undetermined
 
 ORDERS = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
 Samples = Float[Array, "times *batch"]
@@ -29,6 +30,11 @@ class Spectrum(NamedTuple):
     amplitude: Float[Array, "bins *batch"]
 
     pulsation = renamed_attribute("pulsation", "angular_frequency")
+
+    @property
+    def highest(self) -> Float[Array, ""]:
+        """Angular frequency up to which it holds, half the sampling's [1/time]: what is faster is folded below it."""
+        return self.angular_frequency[-1]
 
 
 def spectrum(times: Float[Array, " times"], values: Samples, *, skip: Number = 0.0, finer: int = 1) -> Spectrum:
@@ -65,11 +71,16 @@ def harmonics(
         values: Samples on the first axis.
         angular_frequency: Of the drive.
         orders: Which multiples.
+
+    Returns:
+        NaN at the multiples that are faster than half the sampling: they cannot be told from slower ones.
     """
+    # an order that is folded is left out of the fit as well, where it would share another's samples
+    told = angular_frequency * jnp.asarray(orders) * (times[-1] - times[0]) / (times.size - 1) <= jnp.pi
     angle = angular_frequency * times[:, None] * jnp.asarray(orders)[None]
-    basis = jnp.concatenate([jnp.ones((times.size, 1)), jnp.cos(angle), jnp.sin(angle)], axis=1)
+    basis = jnp.concatenate([jnp.ones((times.size, 1)), told * jnp.cos(angle), told * jnp.sin(angle)], axis=1)
     flat = values.reshape(times.size, -1)
     found = jnp.linalg.lstsq(basis, flat)[0]
     k = len(orders)
-    amplitude = jnp.hypot(found[1 : 1 + k], found[1 + k :])
+    amplitude = undetermined(jnp.asarray(~told), jnp.hypot(found[1 : 1 + k], found[1 + k :]))
     return amplitude.reshape(k, *values.shape[1:])

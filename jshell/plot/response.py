@@ -58,7 +58,7 @@ def answer(response: Response) -> Figure:
         w = np.asarray(heard.angular_frequency)
         last = float(w[np.nonzero(level > -60)[0][-1]])
         grid["h"].plot(w, level, color=PURPLE, linewidth=1.0)
-        grid["h"].set_xlim(0.0, 1.1 * last)
+        grid["h"].set_xlim(0.0, min(1.1 * last, float(heard.highest)))
         grid["h"].set_ylim(-70, 3)
         grid["h"].set_xlabel("angular frequency ω [√(E d/ρ R₀³)]")
         grid["h"].set_ylabel("level of r pₛ [dB]")
@@ -202,9 +202,12 @@ def radius(run: Any, ax: Axes | None = None) -> Axes:
 
 
 def harmonic_levels(response: Response, angular_frequency: float) -> dict[str, float]:
-    """Amplitudes of the scattered pressure at 1/2, 1, 3/2, 2 and 3 times the drive, over the last half of the run."""
+    """Amplitudes of the scattered pressure at 1/2, 1, 3/2, 2 and 3 times the drive, over the last half of the run.
+
+    Multiples that the samples are too coarse for are left out.
+    """
     t = response.times
     first = t.size // 2
     orders = (0.5, 1.0, 1.5, 2.0, 3.0)
     found = jax.device_get(harmonics(t[first:], response.scattered[first:], angular_frequency, orders))
-    return {f"{order:g}": float(value) for order, value in zip(orders, found, strict=True)}
+    return {f"{order:g}": float(value) for order, value in zip(orders, found, strict=True) if np.isfinite(value)}
