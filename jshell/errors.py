@@ -44,7 +44,7 @@ class Outcome(enum.IntEnum):
 _ADVICE = {
     Outcome.OK: "the computation converged",
     Outcome.NOT_CONVERGED: "the solver did not converge: try a load nearer to one that works, or other starts",
-    Outcome.CONTACT: "the two poles touch: lower the outer pressure or raise the gas pressure",
+    Outcome.CONTACT: "the wall touches itself: lower the outer pressure or raise the gas pressure",
     Outcome.MESH: "the mesh was spoiled or the motion ran away: try more elements or a smaller step",
     Outcome.NO_BUCKLED_STATE: "no buckled state at this load, the shell is a sphere: raise the outer pressure",
     Outcome.OUT_OF_RANGE: "the parameters lie outside the range the method was built for",
@@ -122,6 +122,12 @@ class MissingExtra(JshellError, ImportError):
     """An optional dependency that is not installed."""
 
     code = "missing_extra"
+
+
+class UnusableData(JshellError, ValueError):
+    """A record that cannot be of the shell it is said to be of, or that says nothing of it."""
+
+    code = "unusable_data"
 
 
 class NotOk(JshellError, RuntimeError):

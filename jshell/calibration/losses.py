@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jshell import integrator
 from jshell.calibration.parameters import Unknowns
 from jshell.calibration.records import Record
 from jshell.oscillator.coefficients import Coefficients
@@ -28,7 +29,6 @@ from jshell.oscillator.linear import (
     state_matrix,
     uniform_propagator,
 )
-from jshell.oscillator.simulate import integrate
 from jshell.renamed import renamed
 from jshell.shell.elasticity import moduli
 
@@ -200,8 +200,9 @@ def _strict_basis(natural: jax.Array, record: Record, problem: Problem, late: bo
     system = matrices(strict_coefficients(natural, problem), record.state, record.conditions)
     elapsed, count = jnp.asarray(record.elapsed), record.elapsed.size
     if problem.solver == "diffrax":
-        options = (problem.rtol, problem.atol, problem.adjoint)
-        motion, _ = integrate(_advance, jnp.eye(4), elapsed, state_matrix(system), options)
+        options = integrator.Options(problem.rtol, problem.atol, adjoint=problem.adjoint)
+        found = integrator.integrate(_advance, jnp.eye(4), elapsed, options, args=state_matrix(system))
+        motion = jnp.asarray(found.samples)
     elif record.uniform:
         motion = uniform_propagator(system, (elapsed[-1] - elapsed[0]) / (count - 1), count)
         if late:

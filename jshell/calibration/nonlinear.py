@@ -22,6 +22,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from jshell import integrator
+from jshell.calibration.agreement import holder, rests_elsewhere
 from jshell.calibration.data import conditions_of, noise_level
 from jshell.calibration.least_squares import value_and_jacobian
 from jshell.calibration.records import Record
@@ -30,7 +32,7 @@ from jshell.errors import BadName, BadShape, BadValue, Outcome, RangeWarning
 from jshell.oscillator.coefficients import Coefficients
 from jshell.oscillator.fixed import rk4
 from jshell.oscillator.motion import Driven
-from jshell.oscillator.simulate import integrate, is_uniform
+from jshell.oscillator.simulate import is_uniform
 from jshell.shell.elasticity import SPHERE_AREA
 from jshell.shell.parameters import Reduced
 from jshell.shell.rest import RestState, buckled_state
@@ -46,7 +48,7 @@ NOTHING = 1e-9  # the same of a record without noise, in σ²
 UNDAMPED = 1e-8  # of the weights: as good as none, and the matrix stays positive
 FRESH, RUNNING = -2, -1
 WIDTH = MappingProxyType({"rk4": 128, "diffrax": 16})  # traces in flight: adaptive steps wait for each other
-OPTIONS = (1e-8, 1e-10, "forward")
+OPTIONS = integrator.Options(1e-8, 1e-10, adjoint="forward")
 
 
 @dataclass(frozen=True)
@@ -109,8 +111,8 @@ def fit_nonlinear(traces: Trace | Sequence[Trace], *, solver: str = "rk4", max_s
 
     Returns:
         A row per trace. Errors are absolute where every trace gives σ of V and S, else scaled by the reduced χ².
-        Outcomes: ok; unusable_data (no two modes to start from); no_buckled_state; not_converged; stalled;
-        rank_deficient.
+        Outcomes: ok; unusable_data (no two modes to start from, or at rest where the shell is not);
+        no_buckled_state; not_converged; stalled; rank_deficient.
 
     Raises:
         BadName: No such solver; a channel that is missing.
@@ -128,6 +130,9 @@ def fit_nonlinear(traces: Trace | Sequence[Trace], *, solver: str = "rk4", max_s
         state = jax.jit(buckled_state)(shells)
     starts, fastest = _starts(times, data, weight, conditions, state)
 
+    # a record that rests where its shell cannot is of another shell
+    elsewhere = rests_elsewhere(np.median(data[0], axis=0), np.asarray(state.volume))
+    starts = np.where(elsewhere, np.nan, starts)
     usable = np.all(np.isfinite(starts), axis=0)
     spacing = float(times[-1] - times[0]) / (times.size - 1)
     substeps = max(1, int(np.ceil(spacing * fastest.max() / RESOLVED)))
@@ -153,6 +158,7 @@ def _read(traces: list[Trace]) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool
                 expected="conditions with a viscosity, which beta1 multiplies",
                 remedy="Build the trace with conditions=Reduced(…).",
             )
+        holder(trace, number, inverted=True)
         mine = np.asarray(trace.times, dtype=float)
         if (
             mine.shape != times.shape
@@ -229,9 +235,9 @@ def _adaptive_residual(u: Float[Array, "8"], lane: Lane) -> Float[Array, " data"
         rate = driven.rate(t, driven.begin()._replace(V=y[0], S=y[1], dV=y[2], dS=y[3]))
         return jnp.stack(rate[:4])
 
-    y, worked = integrate(field, jnp.stack(driven.begin(tuple(u[4:]))[:4]), times, None, OPTIONS)
-    r = lane.weight[:, None] * (y[:, :2].T - lane.data)
-    return jnp.where(worked, r, jnp.nan).ravel()
+    found = integrator.integrate(field, jnp.stack(driven.begin(tuple(u[4:]))[:4]), times, OPTIONS)
+    r = lane.weight[:, None] * (jnp.asarray(found.samples)[:, :2].T - lane.data)
+    return jnp.where(found.worked, r, jnp.nan).ravel()
 
 
 def _evaluate(u: jax.Array, lanes: Lanes, solver: str, substeps: int):

@@ -51,6 +51,46 @@ def gap(shape: Meridian, q: Float[Array, "coordinates"]) -> Float[Array, ""]:
     return front - back
 
 
+def clearance(
+    shape: Meridian, q: Float[Array, "coordinates"], thickness: Float[Array, "points"], every: int = 1
+) -> Float[Array, ""]:
+    """Least free space between two places of the wall that face each other [R0]; negative where they overlap.
+
+    The distance of their middle surfaces less half the thickness of each: pole to pole, and wherever over the whole
+    cross-section the distance grows if either of the two places moves along the wall.
+
+    Args:
+        shape, q: The meridian.
+        thickness: (points,) thickness of the wall at its Gauss points [R0].
+        every: Take each such Gauss point only.
+
+    Example:
+        >>> import jax.numpy as jnp
+        >>> from jshell.contour import clearance, meridian
+        >>> sphere = meridian(16)
+        >>> print(clearance(sphere, sphere.sphere, jnp.full(80, 0.2)).round(6))
+        1.8
+    """
+    curve = shape.at_points(q)
+    pace = speed(curve)
+    parts = curve.x, curve.r, curve.x1 / pace, curve.r1 / pace, thickness
+    x, r, tx, tr, t = (part[::every] for part in parts)
+    # the cross-section is a closed curve: up one side, down the other
+    x, r, t = (jnp.concatenate([part, side * part[::-1]]) for part, side in ((x, 1), (r, -1), (t, 1)))
+    tx, tr = jnp.concatenate([tx, -tx[::-1]]), jnp.concatenate([tr, tr[::-1]])
+    dx, dr = x[:, None] - x[None], r[:, None] - r[None]
+    squared = dx**2 + dr**2
+    size = x.shape[0]
+    closest = ~jnp.eye(size, dtype=bool)  # a place is nearest to itself
+    for axis in (0, 1):
+        for shift in (1, -1):
+            closest = closest & (squared <= jnp.roll(squared, shift, axis))
+    # between its points a wall is its tangent: the distance to that line is the distance to the wall
+    along = dx * tx[None] + dr * tr[None]
+    free = jnp.sqrt(jnp.maximum(squared - along**2, 1e-30)) - (t[:, None] + t[None]) / 2
+    return jnp.minimum(jnp.min(jnp.where(closest, free, jnp.inf)), gap(shape, q) - (t[0] + t[size // 2]) / 2)
+
+
 def _maximum(angles: Float[Array, "nodes"], values: Float[Array, "nodes"], parity: float) -> Float[Array, ""]:
     """Largest value by the parabola through the three highest nodes, mirrored at the poles."""
     t = jnp.concatenate([-angles[1:2], angles, 2 * angles[-1:] - angles[-2:-1]])

@@ -19,18 +19,21 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Complex, Float, Int
 
 from jshell.contour import NO_WEAK_SPOT, WeakSpot, area, volume
 from jshell.display import FREQUENCY, TIME, ended, number, readable, shown
 from jshell.dynamics.roots import Liquid, Matrices, Roots, check_liquid, matrices, roots
-from jshell.errors import BadValue, Outcome
+from jshell.errors import BadValue, Outcome, RangeWarning
 from jshell.membrane import RestShape, rest
 from jshell.membrane.energy import Area
 from jshell.membrane.rest import Branch, raise_unless_ok
 from jshell.shell.parameters import Reduced
+from jshell.undetermined import undetermined
 
 RESIDUAL = 1e-8
+THICKEST = {"layer": 0.1, "second": 0.25}  # √(2η̂/ω) up to which each order is off by 15 and 5 % in τ at most [R0]
 SAME_ROOT = 1e-6  # relative
 LOSSLESS = 1e-12  # a decay slower than this against |s| is none
 OSCILLATES = 0.2  # Im s over |s|: below it a mode falls to 4e-14 within what would be one period
@@ -66,9 +69,10 @@ class Modes(eqx.Module):
         tau: Decay time -1/Re s; infinite without loss [time].
         dV, dS: Change of volume [R0³] and area [R0²] along the mode, vᵀM v = 1, dV >= 0.
         shapes: (modes, coordinates) the mode itself, complex where there is loss.
-        rate: Complex rate s = -1/τ + iΩ as the solver found it, whatever the outcome [1/time].
-        outcome: Integer of `Outcome` per mode: ok, not_converged where a root was lost, or overdamped where
-            Im s < 0.2 |s|: what moves there creeps back, at about 1/τ, and has no frequency.
+        rate: Complex rate s = -1/τ + iΩ [1/time].
+        outcome: Integer of `Outcome` per mode: ok; overdamped where Im s < 0.2 |s|: what moves there creeps back,
+            at about 1/τ, and has no frequency; not_converged where a root was lost, or how the rest shape ended:
+            all numbers are NaN then.
         rest: The shape they are vibrations of.
     """
 
@@ -135,6 +139,9 @@ def modes(
         BadName: No such liquid.
         BadValue: `count` is not between 1 and a quarter of the coordinates.
 
+    Warns:
+        RangeWarning: A Stokes layer too thick for `layer` (0.1 R0) or `second` (0.25 R0), with the exact modes.
+
     Example:
         >>> import jshell as js
         >>> found = js.dynamics.modes(js.presets.R.conditions, liquid="ideal")
@@ -161,7 +168,30 @@ def modes(
     found = vibrations(state, conditions, count, liquid, area)
     if throw:
         raise_unless_ok("modes", jnp.max(found.outcome))
+    _warn_of_thick_layer(found, conditions, liquid, area)
     return found
+
+
+def _warn_of_thick_layer(found: Modes, conditions: Reduced, liquid: str, area: Area | str) -> None:
+    """Warn where the layer is too thick for its series, with the exact modes beside (one concrete shell only)."""
+    omega, viscosity = jax.lax.stop_gradient((found.omega, conditions.viscosity))
+    if liquid not in THICKEST or isinstance(omega, Tracer) or isinstance(viscosity, Tracer) or np.ndim(viscosity):
+        return
+    thickest = float(np.max(np.sqrt(2 * float(viscosity) / np.nan_to_num(np.asarray(omega), nan=np.inf))))
+    if thickest <= THICKEST[liquid]:
+        return
+    exact = vibrations(jax.lax.stop_gradient(found.rest), conditions, min(2, omega.shape[0]), "exact", area)
+    beside = [
+        f"tau {row.tau:.3g}, " + (f"omega {row.omega:.3g}" if row.omega is not None else row.outcome)
+        for row in exact.table()
+        if row.tau is not None
+    ]
+    warnings.warn(
+        f"the Stokes layer is {thickest:.2g} R0 thick, liquid={liquid!r} is made for less than "
+        f"{THICKEST[liquid]:g}; liquid='exact' says: {'; '.join(beside)}",
+        RangeWarning,
+        stacklevel=3,
+    )
 
 
 @eqx.filter_jit
@@ -196,5 +226,8 @@ def _measure(state: RestShape, parts: Matrices, found: Roots) -> Modes:
     decays = -jnp.real(s) > LOSSLESS * jnp.abs(s)
     tau = jnp.where(decays, -1 / jnp.where(decays, jnp.real(s), -1.0), jnp.inf)
     whole = jnp.zeros((s.shape[0], q.shape[0]), complex).at[:, shape.active].set(v)
-    omega, Omega = (jnp.where(creeps, jnp.nan, part) for part in (jnp.abs(s), jnp.imag(s)))
-    return Modes(omega, Omega, tau, jnp.real(v @ slope_V), jnp.real(v @ slope_S), whole, s, outcome, state)
+    nothing = (outcome != Outcome.OK) & (outcome != Outcome.OVERDAMPED)
+    omega, Omega = undetermined(creeps | nothing, (jnp.abs(s), jnp.imag(s)))
+    numbers = tau, jnp.real(v @ slope_V), jnp.real(v @ slope_S), whole, s
+    tau, dV, dS, shapes, rate = undetermined(nothing, numbers)
+    return Modes(omega, Omega, tau, dV, dS, shapes, rate, outcome, state)

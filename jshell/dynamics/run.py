@@ -21,6 +21,7 @@ from jshell.contour import (
     WeakSpot,
     area,
     carry,
+    clearance,
     gap,
     height,
     poles,
@@ -48,7 +49,7 @@ from jshell.dynamics.motion import (
 from jshell.errors import Outcome
 from jshell.membrane import elastic_energy, gas_energy, wall
 from jshell.membrane.energy import Area
-from jshell.membrane.equilibrium import CONTACT_GAP, DIMPLE_DEPTH
+from jshell.membrane.equilibrium import DIMPLE_DEPTH
 from jshell.pressure import Pressure
 from jshell.shell.elasticity import Scalar
 from jshell.shell.parameters import Reduced
@@ -255,7 +256,7 @@ def _stretch(setup: Setup, body: Body, progress: Progress, ahead: Schedule, numb
 
 
 def _end(body: Body, before: State, after: State) -> Int[Array, ""]:
-    """What ends a run: poles that touch, a spoiled mesh, numbers that ran away."""
+    """What ends a run: a wall that touches itself, a spoiled mesh, numbers that ran away."""
     shape = body.shape
     curve = shape.at_points(after.q)
     stretch = speed(curve)
@@ -263,7 +264,8 @@ def _end(body: Body, before: State, after: State) -> Int[Array, ""]:
     sound = (jnp.min(stretch) > STRETCH[0]) & (jnp.max(stretch) < STRETCH[1]) & (jnp.min(curve.r) > 0)
     moved = jnp.max(jnp.abs(after.q - before.q))
     spoiled = ~(finite & sound & (moved < LARGEST_MOVE))
-    touching = gap(shape, after.q) < CONTACT_GAP
+    free = clearance(shape, after.q, body.wall.thickness, every=2)
+    touching = ~(free > 0)
     return jnp.where(spoiled, Outcome.MESH, jnp.where(touching, Outcome.CONTACT, Outcome.OK))
 
 

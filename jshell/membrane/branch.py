@@ -19,17 +19,18 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jshell.contour import Meridian, carry, gap, regrade, rim_breaks, thinned, transfer, volume
+from jshell.contour import Meridian, carry, clearance, gap, regrade, rim_breaks, thinned, transfer, volume
 from jshell.errors import BadValue, Outcome
 from jshell.membrane.energy import Area, check_area, elastic_energy, stiffness, wall
 from jshell.membrane.newton import TOLERANCE, bordered, lowest_on_tangent, pinned, residual_at_volume
-from jshell.membrane.rest import CONTACT_GAP, RestShape, cached_meridian, rest
+from jshell.membrane.rest import RestShape, cached_meridian, rest
 from jshell.shell.elasticity import SPHERE_VOLUME, buckling_threshold
 from jshell.shell.parameters import Reduced
 from jshell.shell.rest import gas_pressure
 
 LONGEST = 0.04  # step along the branch; lengths in R0, pressures as a fraction of the classical threshold
 SHORTEST = 1e-7
+BEFORE_CONTACT = 2e-3  # how near along the branch the last shape lies to the first whose wall touches itself
 SHARE = 0.5  # of its distance from the sphere a shape moves in a step, at most
 NEWTON_STEPS = 9
 AT_SPHERE = 0.02  # D below this share of d̂: the branch has come back to the sphere
@@ -61,6 +62,7 @@ class Branch:
         stability: Smallest eigenvalue under outer pressure and gas [E d]: negative is unstable.
         held_stability: The same at held volume.
         gap: Distance between the poles [R0].
+        clearance: Least free space between two places of the wall that face each other [R0].
         folds: Turning points in the order of the states.
         outcome: ok; not_converged where a step failed before an end was reached, contact where the last state touches.
         nodes, coordinates: (states, ·) the shapes, see `shape`.
@@ -74,6 +76,7 @@ class Branch:
     stability: np.ndarray
     held_stability: np.ndarray
     gap: np.ndarray
+    clearance: np.ndarray
     folds: tuple[Fold, ...]
     outcome: Outcome
     nodes: np.ndarray
@@ -108,6 +111,7 @@ class _Numbers(NamedTuple):
     stability: Float[Array, ""]
     held_stability: Float[Array, ""]
     gap: Float[Array, ""]
+    clearance: Float[Array, ""]
     away: Float[Array, ""]
     pace: Float[Array, ""]
     step: Float[Array, ""]
@@ -160,6 +164,12 @@ def _follow(first: RestShape, conditions: Reduced, area: str, way: float, lowest
     while len(states) < most:
         step = min(step, LONGEST, SHARE * float(numbers.away / numbers.pace))
         candidate, reached = _step(point, conditions, area, jnp.asarray(step))
+        if float(reached.clearance) < 0:
+            # the last shape with room left is approached by smaller steps
+            if step < BEFORE_CONTACT:
+                return states, Outcome.CONTACT
+            step /= 2
+            continue
         if not float(reached.newton) < NEWTON_STEPS or not np.isfinite(float(reached.volume)):
             step /= 2
             if step < SHORTEST:
@@ -168,8 +178,6 @@ def _follow(first: RestShape, conditions: Reduced, area: str, way: float, lowest
         point, numbers = candidate, reached
         states.append((point, numbers))
         step *= 1.5 if float(numbers.newton) <= 5 else 1.0
-        if float(numbers.gap) < CONTACT_GAP:
-            return states, Outcome.CONTACT
         if float(numbers.volume) < lowest * SPHERE_VOLUME or float(numbers.away) < AT_SPHERE * float(
             conditions.thickness
         ):
@@ -218,7 +226,8 @@ def _numbers(point: _Point, conditions, profile, area, step, newton) -> _Numbers
     away = jnp.sqrt(jnp.sum(weights * (radius - jnp.sum(weights * radius)) ** 2))
     elastic = elastic_energy(shape, q, moduli, area)
     pace = jnp.sqrt(point.along_q @ _metric(shape, point.along_q))
-    return _Numbers(V, point.p, load, elastic, jnp.linalg.eigvalsh(K)[0], held, gap(shape, q), away, pace, step, newton)
+    lowest, poles, free = jnp.linalg.eigvalsh(K)[0], gap(shape, q), clearance(shape, q, moduli.thickness)
+    return _Numbers(V, point.p, load, elastic, lowest, held, poles, free, away, pace, step, newton)
 
 
 @eqx.filter_jit
@@ -281,6 +290,7 @@ def _collected(states, outcome: Outcome, base: Meridian) -> Branch:
         stability=column("stability"),
         held_stability=column("held_stability"),
         gap=column("gap"),
+        clearance=column("clearance"),
         folds=tuple(fold for _, fold in sorted(folds, key=lambda pair: pair[0])),
         outcome=outcome,
         nodes=np.stack([np.asarray(point.shape.nodes) for point, _ in states]),

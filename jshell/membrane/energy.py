@@ -30,19 +30,22 @@ AREAS = ("current", "reference", "koiter")
 
 
 class Wall(NamedTuple):
-    """Moduli of the wall at the Gauss points: area, shear [E d], bending [E d R0²], and the angle there."""
+    """The wall at the Gauss points: moduli of area, shear [E d], bending [E d R0²]; its angle, its thickness [R0]."""
 
     area: Float[Array, "points"]
     shear: Float[Array, "points"]
     bending: Float[Array, "points"]
     angles: Float[Array, "points"]
+    thickness: Float[Array, "points"]
 
 
 def wall(shape: Meridian, conditions: Reduced, profile: Float[Array, "points"]) -> Wall:
     """The wall of a shell whose thickness is d̂ times a profile; moduli follow the local thickness."""
     K = moduli(conditions.thickness, conditions.poisson_ratio)
     area, shear, bending = (jnp.asarray(modulus) for modulus in K)
-    return Wall(area * profile, shear * profile, bending * profile**3, shape.angles)
+    return Wall(
+        area * profile, shear * profile, bending * profile**3, shape.angles, jnp.asarray(conditions.thickness * profile)
+    )
 
 
 def check_area(area: str) -> None:

@@ -17,6 +17,7 @@ from jaxtyping import Array, Float, Int
 
 from jshell.contour import (
     Meridian,
+    clearance,
     compressed_sphere,
     dimple,
     dimple_breaks,
@@ -44,8 +45,8 @@ from jshell.membrane.newton import (
 from jshell.shell.elasticity import SPHERE_AREA, SPHERE_VOLUME
 from jshell.shell.parameters import Reduced
 from jshell.shell.rest import gas_pressure, plateau_pressure, sphere_state
+from jshell.undetermined import undetermined
 
-CONTACT_GAP = 0.01  # poles nearer than this count as touching [R0]
 DIMPLE_DEPTH = 0.01  # a buckling pole this far below the top counts as buckled [R0]
 FOLLOWING = 2  # solutions: on nodes that follow the seed, then on nodes that follow the shape
 CUSHIONS = (1.0, 5.0, 50.0, 50.0)  # pressures of gases that hold a volume, each correcting the next one's load
@@ -59,7 +60,9 @@ class RestShape(eqx.Module):
         coordinates: Spline coefficients of the meridian [R0].
         volume, area: V [R0³] and S [R0²]; `volume_ratio`, `area_ratio` against the stress-free sphere.
         pressure: Inner pressure [E d/R0].
-        gap: Distance between the poles [R0].
+        gap: Distance between the poles, from middle surface to middle surface [R0].
+        clearance: Least free space between two places of the wall that face each other, their thickness taken off
+            [R0]; below 0 the wall would pass through itself, and the outcome is contact.
         stability: Smallest eigenvalue of the stiffness, negative where the shape is unstable [E d]; at a given
             volume, among the motions that keep it.
         outcome: Integer of `Outcome`: ok, not_converged, contact, no_buckled_state or out_of_range.
@@ -72,6 +75,7 @@ class RestShape(eqx.Module):
     area: Float[Array, ""]
     pressure: Float[Array, ""]
     gap: Float[Array, ""]
+    clearance: Float[Array, ""]
     stability: Float[Array, ""]
     outcome: Int[Array, ""]
     meridian: Meridian
@@ -244,26 +248,32 @@ def measured(
     else:
         slope = residual_at_volume(frozen, p, shape, conditions, profile, volume_ratio * SPHERE_VOLUME, area)
     # one Newton step with the frozen matrix: it moves q by rounding, and carries dq/dc = -K⁻¹ ∂²U/∂q∂c
-    correction = jnp.where(sound, -jnp.linalg.solve(K, slope), 0.0)
+    correction = undetermined(~sound, -jnp.linalg.solve(K, slope))
     q = frozen.at[shape.active].add(correction[: shape.active.shape[0]])
 
     V = volume(shape, q)
     P = gas_pressure(V, conditions)
     difference = conditions.outer_pressure - P if volume_ratio is None else p + correction[-1]
     distance = gap(shape, q)
-    sunk = height(shape, q) - distance
-    # later lines overrule earlier ones: touching poles are said whatever else holds
+    # how it ended is told by the shape that was reached, even where that is no answer
+    reached = gap(shape, frozen)
+    sunk = height(shape, frozen) - reached
+    # later lines overrule earlier ones: a wall that touches itself is said whatever else holds
     outcome = jnp.where(sound, Outcome.OK, Outcome.NOT_CONVERGED)
     if branch == "buckled":
         outcome = jnp.where(sound & (sunk < DIMPLE_DEPTH), Outcome.NO_BUCKLED_STATE, outcome)
-    outcome = jnp.where(distance < CONTACT_GAP, Outcome.CONTACT, outcome)
-    elastic = elastic_energy(shape, q, wall(shape, conditions, profile), area)
+    moduli = wall(shape, conditions, profile)
+    free = clearance(shape, q, moduli.thickness)
+    outcome = jnp.where(sound & (free < 0), Outcome.CONTACT, outcome)
+    outcome = jnp.where(~sound & (reached < 0), Outcome.CONTACT, outcome)
+    elastic = elastic_energy(shape, q, moduli, area)
     return RestShape(
         coordinates=q,
         volume=V,
         area=area_of(shape, q),
         pressure=P,
         gap=distance,
+        clearance=free,
         stability=found.lowest,
         outcome=outcome,
         meridian=shape,

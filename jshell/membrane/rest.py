@@ -22,10 +22,10 @@ from jaxtyping import Array, Float, Int
 from jshell.contour import NO_WEAK_SPOT, Meridian, WeakSpot, meridian, regrade, rim_breaks, thinned, transfer
 from jshell.errors import BadValue, NotOk, Outcome, RangeWarning, choose
 from jshell.membrane.energy import Area, check_area
-from jshell.membrane.equilibrium import CONTACT_GAP as CONTACT_GAP
 from jshell.membrane.equilibrium import RestShape, find, seed, settle, shape_like
 from jshell.shell.elasticity import Scalar
 from jshell.shell.parameters import Reduced
+from jshell.undetermined import undetermined
 
 Branch = Literal["buckled", "sphere"]
 BRANCHES = ("buckled", "sphere")
@@ -64,7 +64,7 @@ def rest(
         throw: Raise `NotOk` unless the outcome is ok (outside `jit` only).
 
     Returns:
-        The shape; read its `outcome` before its numbers.
+        The shape; where its `outcome` is not ok its numbers are NaN.
 
     Raises:
         BadName, BadValue: An option that does not exist, or a number outside its meaning.
@@ -84,12 +84,23 @@ def rest(
     graded = grading == "rim" and branch == "buckled"
     found = find(cached_meridian(elements, attached), conditions.as_arrays(), spot, branch, area, ratio, graded)
     if branch == "buckled":
-        if volume_ratio is None and not isinstance(found.outcome, Tracer) and _lost(found, conditions):
+        if volume_ratio is None and _lost(found, conditions):
             found = thinned_down(conditions.as_arrays(), found, spot, area)
         found = judged(found, conditions.thickness)
     if throw:
         raise_unless_ok("rest shape", found.outcome)
-    return found
+    return blanked(found)
+
+
+def blanked(found: RestShape) -> RestShape:
+    """The shape, its numbers NaN where the outcome is not ok; gap and clearance stay, where they are the reason."""
+    failed = found.outcome != Outcome.OK
+    overlapping = found.outcome == Outcome.CONTACT
+    room = undetermined(failed & ~overlapping, (found.gap, found.clearance))
+    numbers = undetermined(failed, eqx.tree_at(lambda s: s.meridian, found, None))
+    return eqx.tree_at(
+        lambda s: (s.meridian, s.gap, s.clearance), numbers, (found.meridian, *room), is_leaf=lambda x: x is None
+    )
 
 
 def judged(found: RestShape, thickness: Scalar) -> RestShape:
@@ -97,13 +108,14 @@ def judged(found: RestShape, thickness: Scalar) -> RestShape:
 
     Where a rim lies within an element or two, the shape is out_of_range.
     """
-    if isinstance(thickness, Tracer) or isinstance(found.outcome, Tracer):
+    thickness, outcome = jax.lax.stop_gradient((thickness, found.outcome))
+    if isinstance(thickness, Tracer) or isinstance(outcome, Tracer):
         return found
     warn_of_asymmetry(thickness, 4)
-    ok = np.asarray(found.outcome) == Outcome.OK
+    ok = np.asarray(outcome) == Outcome.OK
     if not np.any(ok):
         return found
-    spacing = np.asarray(rim_spacing(found))
+    spacing = np.asarray(rim_spacing(jax.lax.stop_gradient(found)))
     coarse = np.where(ok, spacing / np.sqrt(np.asarray(thickness)), 0.0)
     if np.max(coarse) > COARSEST:
         smallest = (np.max(np.where(ok, spacing, 0.0)) / COARSEST) ** 2
@@ -128,9 +140,12 @@ def warn_of_asymmetry(thickness: Scalar, level: int = 3) -> None:
 
 
 def _lost(found: RestShape, conditions: Reduced) -> bool:
-    """Whether a single thin shell did not converge."""
-    thin = np.ndim(conditions.thickness) == 0 and float(conditions.thickness) < THIN
-    return thin and found.outcome.ndim == 0 and int(found.outcome) == Outcome.NOT_CONVERGED
+    """Whether a single thin shell, whose numbers are known, did not converge."""
+    # outside `jit` and `vmap` the numbers are known even while a derivative is taken
+    thickness, outcome = jax.lax.stop_gradient((conditions.thickness, found.outcome))
+    if isinstance(thickness, Tracer) or isinstance(outcome, Tracer) or np.ndim(thickness) or outcome.ndim:
+        return False
+    return float(thickness) < THIN and int(outcome) == Outcome.NOT_CONVERGED
 
 
 def thinned_down(
@@ -142,8 +157,10 @@ def thinned_down(
     names that thickness.
     """
     base = cached_meridian(lost.meridian.elements, lost.meridian.attached)
-    wanted, ratio = float(conditions.thickness), shape_like(conditions, None)
-    with_thickness = lambda d: eqx.tree_at(lambda c: c.thickness, conditions, jnp.asarray(d))  # noqa: E731
+    # the way there is not differentiated: the last step, at the conditions themselves, carries the derivative
+    known = jax.lax.stop_gradient(conditions)
+    wanted, ratio = float(known.thickness), shape_like(known, None)
+    with_thickness = lambda d: eqx.tree_at(lambda c: c.thickness, known, jnp.asarray(d))  # noqa: E731
     reached, shrink = THIN, SHRINK
     last = find(base, with_thickness(THIN), spot, "buckled", area, ratio, True)
     while int(last.outcome) == Outcome.OK and reached > wanted and shrink < NO_STEP:

@@ -5,6 +5,7 @@ Valid for  as the rest law and the linear model say; results outside are marked,
 Source     Mokbel et al. 2021: eq:eqmovadimV, eq:eqmovadimS, eq:defw, eq:limstab, eq:wsphere
 """
 
+import warnings
 from collections.abc import Callable
 
 import equinox as eqx
@@ -15,7 +16,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Float, Int
 
 from jshell import integrator
-from jshell.errors import BadName, BadShape, BadValue, Outcome, choose
+from jshell.errors import BadName, BadShape, BadValue, Outcome, RangeWarning, choose
 from jshell.oscillator.coefficients import Coefficients
 from jshell.oscillator.lagrangian import acceleration
 from jshell.oscillator.linear import (
@@ -26,12 +27,14 @@ from jshell.oscillator.linear import (
     state_matrix,
     uniform_propagator,
 )
-from jshell.shell.elasticity import SPHERE_AREA, SPHERE_VOLUME, moduli
+from jshell.shell.elasticity import SPHERE_AREA, SPHERE_VOLUME, buckling_threshold, moduli
 from jshell.shell.parameters import Reduced
-from jshell.shell.rest import RestState, buckled_state
+from jshell.shell.rest import RestState, buckled_state, sphere_state
 from jshell.shell.sphere import marmottant_frequency, sphere_frequency_at_load
 from jshell.trace import Trace, Values
+from jshell.undetermined import undetermined
 
+NEAR_LIMIT = 1.05  # times the stability limit: up to here the short model warns
 SOLVERS = ("exact", "diffrax")
 MODELS = ("linear", "nonlinear")
 LAWS: dict[str, Callable[[Reduced], RestState]] = {"coupier2019": buckled_state}
@@ -49,7 +52,8 @@ class Frequencies(eqx.Module):
         stable: Whether the slow mode oscillates.
         omega_sphere: Angular frequency of the sphere under the same load, had it not buckled (eq:wsphere).
         omega_marmottant: Angular frequency of a bubble at the outer pressure.
-        outcome: An integer of `Outcome`: no_buckled_state; out_of_range where the slow mode is unstable.
+        outcome: An integer of `Outcome`: no_buckled_state, where all numbers of the buckled shell are NaN;
+            out_of_range where the slow mode is unstable, and its frequency alone is NaN.
     """
 
     omega_minus: Float[Array, ""]
@@ -74,6 +78,10 @@ def frequencies(conditions: Reduced, coefficients: Coefficients, law: str = "cou
     Raises:
         BadName: No such law.
 
+    Warns:
+        RangeWarning: Within 5 % of the stability limit; at a load at which the sphere is stable as well (one shell
+            with concrete numbers only).
+
     Source:
         eq:defw, eq:equiplateau, eq:equivol, eq:limstab, eq:wsphere.
 
@@ -85,6 +93,34 @@ def frequencies(conditions: Reduced, coefficients: Coefficients, law: str = "cou
         0.8243 1.3543
     """
     choose("law", law, LAWS)
+    found, spherical = _frequencies(conditions.as_arrays(), coefficients.as_arrays(), law)
+    _warn_of_edges(found, spherical)
+    return found
+
+
+def _warn_of_edges(found: Frequencies, spherical: jax.Array) -> None:
+    """Warn near the model's stability limit, and where the sphere is stable as well (one concrete shell only)."""
+    if isinstance(found.outcome, Tracer) or np.ndim(found.outcome) or int(found.outcome) != Outcome.OK:
+        return
+    margin = float(found.stability_margin)
+    if margin < NEAR_LIMIT:
+        warnings.warn(
+            f"at {margin:.3f} times the stability limit of the short model: omega_minus goes to 0 there, a limit that "
+            "the axisymmetric shell does not have; jshell.dynamics.modes computes it",
+            RangeWarning,
+            stacklevel=3,
+        )
+    if bool(spherical):
+        warnings.warn(
+            "at this load the sphere has not buckled yet: two states are possible, and these are the numbers of the "
+            "buckled one; jshell.membrane.rest(…, branch='sphere') is the other",
+            RangeWarning,
+            stacklevel=3,
+        )
+
+
+@eqx.filter_jit
+def _frequencies(conditions: Reduced, coefficients: Coefficients, law: str) -> tuple[Frequencies, jax.Array]:
     state = LAWS[law](conditions)
     c = coefficients
     K_A = moduli(conditions.thickness, conditions.poisson_ratio).area
@@ -93,21 +129,29 @@ def frequencies(conditions: Reduced, coefficients: Coefficients, law: str = "cou
     )
 
     stable = w2[0] > 0
-    slow = jnp.where(stable, jnp.sqrt(jnp.where(stable, w2[0], 1.0)), jnp.nan)
+    buckled = is_buckled(state)
+    slow = undetermined(~stable, jnp.sqrt(jnp.where(stable, w2[0], 1.0)))
     outcome = jnp.where(
-        is_buckled(state), jnp.where(stable, int(Outcome.OK), int(Outcome.OUT_OF_RANGE)), int(Outcome.NO_BUCKLED_STATE)
+        buckled, jnp.where(stable, int(Outcome.OK), int(Outcome.OUT_OF_RANGE)), int(Outcome.NO_BUCKLED_STATE)
     )
-    return Frequencies(
-        omega_minus=slow,
-        omega_plus=jnp.sqrt(w2[1]),
-        volume=state.volume,
-        pressure=state.pressure,
-        stability_margin=stability_margin(state, c, conditions),
-        stable=stable,
+    answer = slow, jnp.sqrt(w2[1]), jnp.asarray(state.volume), jnp.asarray(state.pressure)
+    margin = stability_margin(state, c, conditions)
+    omega_minus, omega_plus, volume, pressure, margin = undetermined(~buckled, (*answer, margin))
+    # the sphere buckles where the wall bears the classical threshold
+    borne = conditions.outer_pressure - sphere_state(conditions).pressure
+    spherical = jnp.asarray(borne < buckling_threshold(conditions.thickness, conditions.poisson_ratio))
+    found = Frequencies(
+        omega_minus=omega_minus,
+        omega_plus=omega_plus,
+        volume=volume,
+        pressure=pressure,
+        stability_margin=margin,
+        stable=stable & buckled,
         omega_sphere=sphere_frequency_at_load(conditions),
         omega_marmottant=marmottant_frequency(conditions),
         outcome=outcome,
     )
+    return found, spherical
 
 
 def is_buckled(state: RestState) -> jax.Array:
@@ -177,27 +221,49 @@ def simulate(
         if not isinstance(values, Tracer) and not np.all(np.isfinite(np.asarray(values))):
             raise BadValue(name, found="not a finite number", expected="finite numbers", remedy="Check the values.")
 
+    if equilibrium is not None:
+        equilibrium = RestState(*(jnp.asarray(part, dtype=float) for part in equilibrium))
+    how = integrator.Options(rtol, atol, adjoint=adjoint) if solver == "diffrax" else None
+    given = conditions.as_arrays(), coefficients.as_arrays(), equilibrium, start, ts
+    V, S, outcome = _motion(*given, is_uniform(ts), model, how)
+    channels: dict[str, Values] = {"V": V, "S": S}
+    settings = (("model", f"oscillator, {model}"), ("solver", solver), *_written(coefficients))
+    return Trace(ts, channels, conditions, outcome=outcome, settings=settings)
+
+
+@eqx.filter_jit
+def _motion(
+    conditions: Reduced,
+    coefficients: Coefficients,
+    equilibrium: RestState | None,
+    start: Float[Array, "4"],
+    ts: Float[Array, " times"],
+    even: bool,
+    model: str,
+    options: integrator.Options | None,
+) -> tuple[Float[Array, " times"], Float[Array, " times"], Int[Array, ""]]:
+    """V, S and how the motion ended; one program for all numbers."""
     state = buckled_state(conditions) if equilibrium is None else equilibrium
-    state = RestState(jnp.asarray(state.volume, dtype=float), jnp.asarray(state.pressure, dtype=float))
     rest = jnp.stack([state.volume, jnp.asarray(SPHERE_AREA, dtype=float)])
     converged = jnp.asarray(True)
-    if solver == "exact":
+    if options is None:
         system = matrices(coefficients, state, conditions)
-        moves = _fundamental(system, ts) @ start
+        elapsed = ts - ts[0]
+        pace = elapsed[-1] / max(ts.size - 1, 1)
+        moves = (uniform_propagator(system, pace, ts.size) if even else propagator(system, elapsed)) @ start
     else:
-        options = (rtol, atol, adjoint)
         if model == "linear":
             A = state_matrix(matrices(coefficients, state, conditions))
-            moves, converged = integrate(lambda t, y, A: A @ y, start, ts, A, options)
+            found = integrator.integrate(lambda t, y, A: A @ y, start, ts, options, args=A)
         else:
             field, args = _nonlinear_field, (rest, state, coefficients, conditions)
-            moves, converged = integrate(field, start, ts, args, options)
+            found = integrator.integrate(field, start, ts, options, args=args)
+        moves, converged = jnp.asarray(found.samples), found.worked
 
     outcome = jnp.where(converged, int(Outcome.OK), int(Outcome.NOT_CONVERGED))
     outcome = jnp.where(is_buckled(state), outcome, int(Outcome.NO_BUCKLED_STATE))
-    channels: dict[str, Values] = {"V": rest[0] + moves[:, 0], "S": rest[1] + moves[:, 1]}
-    settings = (("model", f"oscillator, {model}"), ("solver", solver), *_written(coefficients))
-    return Trace(ts, channels, conditions, outcome=outcome, settings=settings)
+    V, S = undetermined(outcome != Outcome.OK, rest[:, None] + moves[:, :2].T)
+    return V, S, outcome
 
 
 def is_uniform(times: Values) -> bool:
@@ -206,23 +272,6 @@ def is_uniform(times: Values) -> bool:
         return False
     steps = np.diff(np.asarray(times))
     return bool(steps.size and np.all(np.abs(steps - steps.mean()) < 1e-9 * np.abs(steps.mean())))
-
-
-def _fundamental(system, ts: Float[Array, " times"]) -> Float[Array, "times 4 4"]:
-    """Propagators from the first time to all."""
-    if is_uniform(ts):
-        return uniform_propagator(system, (ts[-1] - ts[0]) / (ts.size - 1), ts.size)
-    return propagator(system, ts - ts[0])
-
-
-def integrate(
-    field: Callable, start: Float[Array, "..."], times: Float[Array, " times"], args, options: tuple[float, float, str]
-) -> tuple[jax.Array, jax.Array]:
-    """Adaptive integration from the first time through all; whether it reached the last."""
-    rtol, atol, adjoint = options
-    how = integrator.Options(rtol, atol, adjoint=adjoint)
-    found = integrator.integrate(field, start, times, how, args=args)
-    return jnp.asarray(found.samples), found.worked
 
 
 def _nonlinear_field(t, moved, args):

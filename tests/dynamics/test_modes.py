@@ -12,7 +12,7 @@ from jshell.contour import regrade
 from jshell.contour.splines import ParitySplines
 from jshell.dynamics import modes
 from jshell.dynamics.modes import OSCILLATES, vibrations
-from jshell.errors import BadName, BadValue, NotOk, Outcome
+from jshell.errors import BadName, BadValue, NotOk, Outcome, RangeWarning
 from jshell.membrane import rest, wall
 from jshell.membrane.rest import cached_meridian
 from jshell.shell import sphere_state
@@ -369,3 +369,10 @@ def test_modes_of_an_unstable_sphere_are_not_converged(make_problem):
 def test_a_bad_count_is_refused(count, R):
     with pytest.raises(BadValue, match="count"):
         modes(R, count=count, elements=ELEMENTS)
+
+
+@pytest.mark.parametrize(("liquid", "viscosity"), [("layer", 0.02), ("second", 0.05)])
+def test_a_layer_too_thick_for_its_series_is_said_with_the_exact_modes(make_problem, liquid, viscosity):
+    problem = make_problem(0.22, 0.9, 1.6, viscosity)
+    with pytest.warns(RangeWarning, match=f"liquid='{liquid}' is made for less.*exact.*tau"):
+        modes(problem, elements=16, count=2, liquid=liquid)
