@@ -5,6 +5,7 @@ one, files hold one. Inside, all numbers are dimensionless; `scales` says what
 the units were when the trace came from a laboratory.
 """
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
@@ -12,7 +13,7 @@ import jax
 import numpy as np
 
 from jshell.display import TIME, ended, number, readable, shown
-from jshell.errors import BadName, BadShape, Outcome, choose, require_extra
+from jshell.errors import BadName, BadShape, BadValue, Outcome, choose, require_extra
 from jshell.quantities import QUANTITIES
 from jshell.shell.parameters import Reduced, Scales
 
@@ -73,6 +74,33 @@ class Trace(eqx.Module):
 
     def __getitem__(self, name: str) -> Values:
         return self.channels[choose("channel", name, self.channels, remedy="Choose a channel that the trace has.")]
+
+    @property
+    def attached(self) -> float:
+        """Half-angle of the pad that held the shell [rad], from the settings; 0 is a free shell, or none is told.
+
+        Raises:
+            BadValue: The setting is no angle.
+
+        Example:
+            >>> import numpy as np
+            >>> from jshell import Trace
+            >>> Trace(np.arange(3.0), {"H": np.ones(3)}, settings=(("attached", "0.33"),)).attached
+            0.33
+        """
+        text = dict(self.settings).get("attached", "0")
+        try:
+            angle = float(text)
+        except ValueError:
+            angle = math.nan
+        if not 0 <= angle <= math.pi:
+            raise BadValue(
+                "attached",
+                found=repr(text),
+                expected="the half-angle of the pad [rad], 0 for a free shell",
+                remedy="Write `# attached: 0.33`.",
+            )
+        return angle
 
     def between(self, start: float | int | None, stop: float | int | None) -> "Trace":
         """The part of the trace with start <= t <= stop, in the trace's own time unit."""

@@ -27,6 +27,7 @@ CONDITIONS = {
     "eta_f_Pa_s": 1.06,
     "kappa": 1.4,
     "nu": 0.5,
+    "attached": 0.33,  # half-angle of the pad [rad]
 }
 
 

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from jshell.calibration.agreement import refuse_disagreement
 from jshell.errors import BadName, BadShape, BadValue
 from jshell.oscillator.simulate import is_uniform
 from jshell.shell.parameters import Reduced
@@ -59,6 +60,7 @@ def windowed(
 
     Raises:
         BadValue: No conditions, or fewer than 16 samples, or numbers that are not finite.
+        UnusableData: A record that cannot be of its shell.
     """
     listed = [traces] if isinstance(traces, Trace) else list(traces)
     if not listed:
@@ -76,6 +78,7 @@ def windowed(
                 expected="at least 16, at increasing times",
                 remedy="Widen the window.",
             )
+        refuse_disagreement(cut, number)
         found.append(_without(cut, number, drop, missing))
     return found
 

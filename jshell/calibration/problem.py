@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from jshell.calibration.agreement import holder
 from jshell.calibration.data import filled, with_sigma
 from jshell.calibration.joint import Joint, join, parameters_of
 from jshell.calibration.losses import Problem
@@ -25,7 +26,10 @@ def problem_of(cut: list[Trace], options: FitOptions) -> tuple[Joint, Unknowns, 
     """
     assert options.loss is not None
     assert options.channels is not None
+    inverted = options.loss == "strict" or bool(options.uncertain)
+    held = [text for number, one in enumerate(cut, 1) if (text := holder(one, number, inverted=inverted))]
     ready, modes, texts = prepared(cut, tuple(options.channels), options.equilibrium)
+    texts = [*held, *texts]
     problem = Problem(tuple(ready), options.loss, options.solver, options.dipole, options.beta2 == "equal_decay")
     viscous = any(float(one.conditions.viscosity) > 0 for one in ready)
     if options.loss == "strict" and "beta1" not in options.fix and not viscous:

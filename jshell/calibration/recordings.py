@@ -14,6 +14,7 @@ import equinox as eqx
 import jax
 import numpy as np
 
+from jshell.calibration.agreement import holder
 from jshell.calibration.data import conditions_of, with_sigma
 from jshell.errors import BadShape, BadValue, RangeWarning
 from jshell.oscillator.simulate import is_buckled, is_uniform
@@ -106,6 +107,7 @@ def stacked(traces: Sequence[Trace]) -> Recordings:
     sigma = np.full((len(traces), 2), np.nan)
     for i, trace in enumerate(traces):
         conditions_of(trace, i + 1)
+        holder(trace, i + 1, inverted=True)
         counts[i] = count = np.shape(trace.times)[0]
         times[i, :count] = np.asarray(trace.times)
         for c, name in enumerate(("V", "S")):

@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jshell.calibration.agreement import refuse_rest
 from jshell.calibration.data import weighted
 from jshell.calibration.options import choices_of
 from jshell.errors import BadName, BadValue, RangeWarning
@@ -67,7 +68,7 @@ def rest_state(trace: Trace, offset: float | None, equilibrium: str, number: int
             f"trace {number}",
             found="no buckled rest state by the plateau law at this load",
             expected="an outer pressure above the plateau",
-            remedy='Check the conditions, or take equilibrium="trace".',
+            remedy=_remedy(conditions),
         )
     if equilibrium == "trace" and offset is None:
         raise BadName(
@@ -77,6 +78,7 @@ def rest_state(trace: Trace, offset: float | None, equilibrium: str, number: int
             remedy='Use equilibrium="plateau".',
         )
     if offset is not None and standing:
+        refuse_rest(offset, float(plateau.volume), np.asarray(trace["V"]), number)
         gap = offset / float(plateau.volume) - 1
         if abs(gap) > REST_TOLERANCE:
             texts.append(
@@ -87,6 +89,13 @@ def rest_state(trace: Trace, offset: float | None, equilibrium: str, number: int
         return plateau, tuple(texts)
     volume = jnp.asarray(offset)
     return RestState(volume, jnp.asarray(gas_pressure(volume, conditions))), tuple(texts)
+
+
+def _remedy(conditions: Reduced) -> str:
+    """What to try where the plateau law has no buckled state."""
+    if float(conditions.outer_pressure) < float(conditions.gas_pressure):
+        return "The outer pressure is below the gas's: is one of them a gauge pressure? Both are absolute."
+    return 'Check the conditions, or take equilibrium="trace".'
 
 
 def record(trace: Trace, channels: tuple[str, ...], state: RestState) -> Record:
