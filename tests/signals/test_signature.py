@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import curve_fit
 
 from jshell.errors import BadName, BadValue, NotOk, Outcome
-from jshell.signals import dip, extract, ring_down_start, verdict
+from jshell.signals import dip, extract, ring_down_start
 from jshell.trace import Trace
 
 TIMES = np.linspace(0.0, 40.0, 401)
@@ -103,12 +103,6 @@ def test_wrong_requests_are_refused():
     holed = np.where(TIMES[7] == TIMES, np.nan, trace["V"])
     with pytest.raises(BadValue, match="sample 7"):
         extract(Trace(TIMES, {"V": holed}))
-
-
-def test_a_second_mode_below_the_noise_is_not_needed():
-    assert verdict((0.3, 0.28, 0.27), 0.27) == "one"
-    assert verdict((0.6, 0.04, 0.03), 0.001) == "two"
-    assert verdict((0.6, 0.43, 0.18), 0.001) == "more than two"
 
 
 def test_white_noise_holds_no_mode():
