@@ -20,14 +20,18 @@ from jshell.signals.waves import OWN, Ending, Model, look, search
 
 FOLLOWED = 4  # starts that are followed to their end, beside a split peak
 PEAKS = 3
-COARSE = 8192  # samples that a search needs at most; more are averaged in cells first
+COARSE = 4096  # samples that a search needs at most; more are averaged in cells first
 FINE = 8  # samples that a period keeps in cells
 CLOSEST = 0.5  # modes nearer than this over τ must be told apart by their errors
 APART = 4.0  # standard errors that they must lie apart then
 
 
 def ladder(
-    elapsed: Float[np.ndarray, "times"], values: Float[np.ndarray, "channels times"], drift: str = "constant"
+    elapsed: Float[np.ndarray, "times"],
+    values: Float[np.ndarray, "channels times"],
+    drift: str = "constant",
+    *,
+    most: int = 3,
 ) -> list[list[Ending]]:
     """Fits with one, two and three waves: for each number the endings, best first.
 
@@ -35,21 +39,19 @@ def ladder(
         elapsed: Increasing times from 0.
         values: Channels, centred and of comparable size.
         drift: Background, as `Model` has it.
+        most: Waves of the last.
 
     Returns:
-        Three lists; the first holds at least one ending where the record oscillates, else all are empty.
+        A list for each number; the first holds at least one ending where the record oscillates, else all are empty.
     """
-    cells = in_cells(elapsed, values)
-    heard = rates(*cells)
+    heard = rates(elapsed, values)
     found: list[list[Ending]] = []
-    for modes in (1, 2, 3):
+    for modes in range(1, most + 1):
         model = Model(modes, drift)
-        starts = _starts(model, heard, found, *cells)
+        starts = _starts(model, heard, found, elapsed, values)
         if not starts:
-            return [[], [], []]
-        found.append(followed(model, *cells, starts))
-    if cells[0].size < elapsed.size:
-        found = [polished(endings, elapsed, values) for endings in found]
+            return [[]] * most
+        found.append(followed(model, elapsed, values, starts))
     return [sorted(endings, key=lambda one: (not sound(one, elapsed), one.power)) for endings in found]
 
 
@@ -69,11 +71,6 @@ def distinct(endings: Sequence[Ending]) -> list[Ending]:
         if all(np.max(np.abs(one.unknowns - other.unknowns)) > 1e-4 for other in kept):
             kept.append(one)
     return kept
-
-
-def polished(endings: Sequence[Ending], elapsed: np.ndarray, values: np.ndarray) -> list[Ending]:
-    """The best ending again, on all samples."""
-    return [search(one.model, elapsed, values, one.unknowns) for one in endings[:1]]
 
 
 def sound(one: Ending, elapsed: np.ndarray) -> bool:
