@@ -22,6 +22,7 @@ MEMORIES = np.concatenate([np.arange(-0.4, 0.9, 0.1), [0.9, 0.93, 0.95, 0.97, 0.
 BOUND = 9.0  # of a squared coefficient over its law: what is beyond counts no more
 MEDIAN = 0.454936  # of the square of a normal number
 CHANCE = 1e-4  # of calling noise a motion, over the whole spectrum
+ENOUGH = 16384  # coefficients that the memory is read from; of more, every second, third, …
 REMEMBERS = 4.0  # standard errors from which φ is told from 0
 
 
@@ -77,20 +78,22 @@ def examine(left: Float[np.ndarray, "times"], lost: int = 0) -> Leftover:
     size = power.size
     turn = np.cos(np.pi * np.arange(1, size + 1) / (size + 1))
     lost = min(lost, size // 2)
-    best = (np.inf, 0.0, power)
-    costs = {}
+    every = max(1, size // ENOUGH)
+    few = power[::every], turn[::every], lost // every
+    best, costs = (np.inf, 0.0), {}
     for memory in MEMORIES:
-        costs[memory] = _cost(power, memory, turn, lost)[0]
+        costs[memory] = _cost(few[0], memory, *few[1:])[0]
     around = min(costs, key=lambda memory: costs[memory])
     place = int(np.flatnonzero(around == MEMORIES)[0])
     low, high = MEMORIES[max(place - 1, 0)], MEMORIES[min(place + 1, MEMORIES.size - 1)]
     for memory in (0.0, *np.linspace(low, high, 9)):
-        cost, law = _cost(power, memory, turn, lost)
+        cost = _cost(few[0], memory, *few[1:])[0]
         # a memory must earn its place: twice the log likelihood falls by a unit for nothing
         cost += REMEMBERS**2 * (memory != 0.0)
         if cost < best[0]:
-            best = (cost, float(memory), law)
-    _, memory, law = best
+            best = (cost, float(memory))
+    memory = best[1]
+    law = _cost(power, memory, turn, lost)[1]
     level = float(np.sqrt(law.mean()))
     return Leftover(power, law, memory, level, _chance(power / law))
 

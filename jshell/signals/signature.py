@@ -17,8 +17,8 @@ from jshell.signals.blemishes import blemishes
 from jshell.signals.damped_pair import DampedModes, comparable, damped_modes
 from jshell.signals.judgement import Judgement, judge
 from jshell.signals.snap import dip, ring_down_start
-from jshell.signals.waves import DRIFTS, Ending, linear_part
-from jshell.signals.waves_from_data import ladder, sound
+from jshell.signals.waves import DRIFTS, Ending, linear_part, measured, search
+from jshell.signals.waves_from_data import in_cells, ladder, sound
 from jshell.trace import Trace
 
 FEWEST_SAMPLES = 32
@@ -196,22 +196,29 @@ def extract(
         return ended("a channel does not move in the window")
 
     elapsed, even, mean, scale = comparable(t, data)
-    drift, fits = _fits(elapsed, even, drift)
+    cells = in_cells(elapsed, even)  # a long record is judged in cells; its numbers are from all samples
+    drift, fits = _fits(*cells, drift)
     if not fits[0]:
         return ended("no oscillation is found in the window")
     marks = [blemishes(row) for row in data]
     steps = np.array([mark.step for mark in marks]) / scale
-    found = judge(fits, elapsed, even, names, marks, window[0], steps=steps)
+    found = judge(fits, *cells, names, marks, window[0], steps=steps)
     if found.word is None:
         return ended("no oscillation rises above the noise in the window")
-    if not sound(found.ending, elapsed):
+    if not sound(found.ending, cells[0]):
         why, outcome = "the fit did not converge", Outcome.NOT_CONVERGED
-        if not sound(fits[0][0], elapsed):
+        if not sound(fits[0][0], cells[0]):
             why, outcome = "no ring-down is found in the window", Outcome.UNUSABLE_DATA
         silent = _silent(names, window, t_dip, why, throw, outcome)
         told = found.word if found.word in ("more than two", "misfit") else None
         return replace(silent, verdict=told, warnings=found.warnings, notes=found.notes, drift=drift)
-    every = tuple(damped_modes(endings[0], elapsed, even, mean, scale) for endings in fits)
+    endings = [endings[0] for endings in fits]
+    if cells[0].size < elapsed.size:
+        endings = [measured(one, elapsed, even) for one in endings]
+        place = found.ending.model.modes - 1
+        endings[place] = search(endings[place].model, elapsed, even, endings[place].unknowns)
+        found = replace(found, ending=endings[place], noise=leftovers(even, endings[place], elapsed))
+    every = tuple(damped_modes(one, elapsed, even, mean, scale) for one in endings)
     best = every[found.ending.model.modes - 1]
     errors = best.errors * _wider(found, float(np.median(np.diff(elapsed))))
     alone = found.word == "one" or best.Omega.size == 1

@@ -153,6 +153,16 @@ def search(
     return _ended(model, unknowns, span, (cost, slope, linear), elapsed.size * values.shape[0], done)
 
 
+def measured(ending: Ending, elapsed: np.ndarray, values: np.ndarray) -> Ending:
+    """The same waves on other samples of the record, their linear part found anew."""
+    span = float(elapsed[-1])
+    unknowns = ending.unknowns.copy()
+    if ending.model.own_decay:
+        unknowns[ending.model.modes : 2 * ending.model.modes] *= span / ending.span
+    cost, slope, _, linear = look(ending.model, unknowns, elapsed, values, span)
+    return _ended(ending.model, unknowns, span, (cost, slope, linear), values.size, ending.at_rest)
+
+
 def _ended(model: Model, unknowns: np.ndarray, span: float, found, count: int, done: bool) -> Ending:
     cost, slope, linear = found
     size = np.linalg.norm(slope, axis=0) + 1e-300
