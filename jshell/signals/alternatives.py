@@ -16,12 +16,13 @@ from jaxtyping import Float
 
 from jshell.signals.leftover import Leftover, examine
 from jshell.signals.pencil import rates
-from jshell.signals.waves import Ending, Model, look, search
+from jshell.signals.waves import STEPS, Ending, Model, look, search
 from jshell.signals.waves_from_data import followed, ladder, refitted, start_with, starts_of
 
 TERM = 25.0  # of χ², for a term with one or two numbers: five standard errors
 HEARD = 25.0  # of χ², for a mode; beside twice the logarithm of the samples, for the frequencies it could have had
 KICKS = 64  # times at which a second kick is looked for
+LONG = 0.6  # memory beyond which noise is not taken for granted
 DRIFTING = ("line", "exponential")
 
 
@@ -32,7 +33,7 @@ class Alternative:
     Attributes:
         kind: `line`, `exponential`, `own decay`, `kick` or `mode`.
         ending: The fit.
-        gain: χ² that it takes away.
+        gain: χ² that it takes away, or twice the log likelihood that it gains.
         needed: Gain that noise does not reach.
         noise: Of each channel, under it.
     """
@@ -92,9 +93,15 @@ def tried(
     before = chi_square(noise, values, base, elapsed)
     found = []
 
+    # what is left of a jump looks like noise of a long memory; where there is such, each fit has the noise it leaves
+    long = any(one.memory > LONG for one in noise)
+
     def weigh(kind: str, ending: Ending, needed: float) -> None:
+        own = leftovers(values, ending, elapsed)
         gain = before - chi_square(noise, values, ending, elapsed)
-        found.append(Alternative(kind, ending, gain, needed, leftovers(values, ending, elapsed)))
+        if long:
+            gain = sum(one.cost for one in noise) - sum(one.cost for one in own)
+        found.append(Alternative(kind, ending, gain, needed, own))
 
     if base.model.drift == "constant":
         for drift in DRIFTING:
@@ -103,10 +110,10 @@ def tried(
     if further is not None:
         weigh("mode", further, of_mode(elapsed.size, values.shape[0]))
     # the two that take longest, where nothing simpler describes a record that is not described
-    if moves and not any(one.describes and one.significant for one in found):
+    if (moves or long) and not any(one.describes and one.significant for one in found):
         if base.model.drift == "constant":
             for drift in DRIFTING:
-                endings = ladder(elapsed, values, drift)[base.model.modes - 1]
+                endings = ladder(elapsed, values, drift, most=base.model.modes)[-1]
                 if endings:
                     weigh(drift, endings[0], TERM)
         if not any(one.describes and one.significant for one in found):
@@ -147,11 +154,11 @@ def kicked(base: Ending, elapsed: np.ndarray, values: np.ndarray) -> Ending:
             best = ending
     assert best is not None
     assert best.model.kick is not None
-    return _kicked_at(base, best.unknowns, best.model.kick, elapsed, values) if short > 1 else best
+    return _kicked_at(base, best.unknowns, best.model.kick, elapsed, values, STEPS)
 
 
-def _kicked_at(base: Ending, unknowns: np.ndarray, at: float, t: np.ndarray, y: np.ndarray) -> Ending:
-    return search(Model(base.model.modes, base.model.drift, kick=float(at)), t, y, unknowns)
+def _kicked_at(base: Ending, unknowns: np.ndarray, at: float, t: np.ndarray, y: np.ndarray, steps: int = 8) -> Ending:
+    return search(Model(base.model.modes, base.model.drift, kick=float(at)), t, y, unknowns, steps)
 
 
 def _cost_at(base: Ending, unknowns: np.ndarray, at: float, t: np.ndarray, y: np.ndarray) -> float:

@@ -36,6 +36,7 @@ class Leftover:
         memory: φ; 0 where the noise passes as white.
         level: Standard deviation of the noise.
         chance: Probability that noise stands as far above its law anywhere.
+        cost: Minus twice the log likelihood of the law, bounded.
     """
 
     power: np.ndarray
@@ -43,6 +44,7 @@ class Leftover:
     memory: float
     level: float
     chance: float
+    cost: float
 
     @property
     def moves(self) -> bool:
@@ -93,9 +95,9 @@ def examine(left: Float[np.ndarray, "times"], lost: int = 0) -> Leftover:
         if cost < best[0]:
             best = (cost, float(memory))
     memory = best[1]
-    law = _cost(power, memory, turn, lost)[1]
+    cost, law = _cost(power, memory, turn, lost)
     level = float(np.sqrt(law.mean()))
-    return Leftover(power, law, memory, level, _chance(power / law))
+    return Leftover(power, law, memory, level, _chance(power / law), cost)
 
 
 def _cost(power: np.ndarray, memory: float, turn: np.ndarray, lost: int) -> tuple[float, np.ndarray]:

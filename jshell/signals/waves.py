@@ -112,7 +112,11 @@ class Ending:
 
 
 def search(
-    model: Model, elapsed: Float[np.ndarray, "times"], values: Float[np.ndarray, "channels times"], start: np.ndarray
+    model: Model,
+    elapsed: Float[np.ndarray, "times"],
+    values: Float[np.ndarray, "channels times"],
+    start: np.ndarray,
+    steps: int = STEPS,
 ) -> Ending:
     """Levenberg-Marquardt from one start.
 
@@ -121,13 +125,14 @@ def search(
         elapsed: Increasing times from 0.
         values: Channels that share their waves, of comparable size.
         start: Unknowns, as `Ending` has them.
+        steps: At most so many.
     """
     span = float(elapsed[-1])
     low, high = _bounds(model, span, float(np.median(np.diff(elapsed))))
     unknowns = np.clip(start, low, high)
     cost, slope, rest, linear = look(model, unknowns, elapsed, values, span)
     floor, damping, done = 1e-26 * float(np.sum(values**2)), 1e-3, False
-    for _ in range(STEPS):
+    for _ in range(steps):
         gradient, normal = slope.T @ rest, slope.T @ slope
         free = ~((unknowns <= low) & (gradient > 0) | (unknowns >= high) & (gradient < 0))
         # Marquardt's own scaling, kept off zero for a mode without amplitude

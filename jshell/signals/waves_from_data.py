@@ -19,6 +19,7 @@ from jshell.signals.pencil import rates
 from jshell.signals.waves import OWN, Ending, Model, look, search
 
 FOLLOWED = 4  # starts that are followed to their end, beside a split peak
+HURRIED, KEPT = 12, 2  # steps after which so many are followed on
 PEAKS = 3
 COARSE = 4096  # samples that a search needs at most; more are averaged in cells first
 FINE = 8  # samples that a period keeps in cells
@@ -60,8 +61,8 @@ def followed(model: Model, elapsed: np.ndarray, values: np.ndarray, starts: Sequ
     span = float(elapsed[-1])
     costs = [look(model, start, elapsed, values, span)[0] for start in starts]
     order = np.argsort(costs)[:FOLLOWED]
-    endings = [search(model, elapsed, values, starts[k]) for k in order]
-    return distinct(endings)
+    endings = distinct([search(model, elapsed, values, starts[k], HURRIED) for k in order])[:KEPT]
+    return distinct([one if one.at_rest else search(model, elapsed, values, one.unknowns) for one in endings])
 
 
 def distinct(endings: Sequence[Ending]) -> list[Ending]:

@@ -6,8 +6,8 @@ from scipy.optimize import curve_fit
 
 from jshell.calibration.data import windowed
 from jshell.errors import BadName, BadValue, NotOk, Outcome
-from jshell.signals import dip, extract, ring_down_start
 from jshell.shell.parameters import Reduced
+from jshell.signals import dip, extract, ring_down_start
 from jshell.trace import Trace
 
 R_BUCKLED = Reduced(0.22, 0.9, 1.62, 0.004)
