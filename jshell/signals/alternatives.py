@@ -21,7 +21,7 @@ from jshell.signals.waves_from_data import followed, ladder, refitted, start_wit
 
 TERM = 25.0  # of χ², for a term with one or two numbers: five standard errors
 HEARD = 25.0  # of χ², for a mode; beside twice the logarithm of the samples, for the frequencies it could have had
-KICKS = 64  # times at which a second kick is looked for
+KICKS = 48  # times at which a second kick is looked for
 LONG = 0.6  # memory beyond which noise is not taken for granted
 DRIFTING = ("line", "exponential")
 
@@ -127,7 +127,7 @@ def tried(
 def kicked(base: Ending, elapsed: np.ndarray, values: np.ndarray) -> Ending:
     """The best fit in which the waves are excited anew at some time: coarse times first, then finer ones."""
     span = base.span
-    short = max(1, elapsed.size // 4096)  # where to look needs no more samples
+    short = max(1, elapsed.size // 512)  # where to look needs no more samples
     t, y = elapsed[::short], values[:, ::short]
     best: Ending | None = None
     # before a second kick the waves are those of a single one: frequencies from a part of the record

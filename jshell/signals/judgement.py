@@ -26,6 +26,8 @@ FINEST = 1e-6  # of a channel's scatter: what numbers of a file, or of a simulat
 TAKEN_AWAY = 0.3  # share of what two modes leave that a third must take where no description is complete
 ROUNDED = 0.35  # of a digitised channel's step: rms up to which what is left may be its rounding
 EQUAL = 4.0  # of χ²: two minima nearer than this are as good as each other
+UNRESOLVED = 16.0  # of χ², for a mode that beats with the first no more than so many times:
+BEATS = 1.5  # there are hardly other frequencies that it could have had
 SURE = 1e-3  # relative error of ω+/ω- below which twice the slow frequency is no coincidence
 
 
@@ -90,6 +92,8 @@ def judge(
         others = tried(base, noise, elapsed, values, further, moves=any(moves))
         word, said = _weighed(word, base, noise, moves, values - base.curve(elapsed), others, names, begin)
         warnings = [*said, *warnings]
+    if word == "one" and chi[0] - chi[1] > UNRESOLVED:
+        warnings += _near_by(two, elapsed)
     if word in ("one", "two"):
         notes += _of_the_noise(noise, names)
     if word == "two":
@@ -185,6 +189,15 @@ def _of_the_channels(marks: Sequence[Blemishes], names: Sequence[str]) -> tuple[
         elif mark.step:
             notes.append(f"{name} is digitised in steps of {mark.step:.3g}")
     return warnings, notes
+
+
+def _near_by(two: Ending, elapsed: np.ndarray) -> list[str]:
+    """A second mode so near that the record is too short to tell, and so near that the first is moved by it."""
+    beats = (two.Omega[1] - two.Omega[0]) * float(elapsed[-1]) / (2 * np.pi)
+    if beats > BEATS or not sound(two, elapsed):
+        return []
+    first, second = np.hypot(two.Omega, two.sigma)
+    return [f"two modes close together are likelier than one, ω = {first:.4g} and {second:.4g}, but not told apart"]
 
 
 def _other_minima(endings: Sequence[Ending], noise, elapsed, values) -> list[str]:

@@ -106,6 +106,14 @@ def test_two_modes_close_together_are_told_apart_or_flagged(gap, phase):
     assert right(found, 1.4, 1.4 + gap) if gap >= 0.03 else right(found, 1.4, 1.4 + gap) or not found.sound
 
 
+@pytest.mark.parametrize(("level", "silent"), [(0.006, 0), also(0.009, 1)])
+def test_a_pair_hardly_told_apart_is_rarely_called_one_mode_in_silence(level, silent):
+    times = np.linspace(0.0, 25.0, 250)  # a sixth of a beat
+    pair = np.exp(-times / 18) * (np.cos(0.9 * times) + 0.33 * np.cos(0.938 * times + 1.0))
+    found = [heard(pair, seed, times=times, level=level) for seed in range(6)]
+    assert sum(one.sound and not right(one, 0.9, 0.938, 18.0) for one in found) <= silent
+
+
 @pytest.mark.parametrize("share", [0.003, also(0.01), also(0.03)])
 def test_a_quiet_second_mode_counts_by_the_noise_not_by_the_loud_one(share):
     found = heard(ring(TIMES, fast=share), level=2e-4)
