@@ -112,9 +112,11 @@ def fit(
     return damped_modes(best, elapsed, even, mean, scale)
 
 
-def comparable(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Times from 0, channels centred and of unit scatter; their means and scatters."""
-    mean, scale = values.mean(axis=1), values.std(axis=1)
+def comparable(
+    times: np.ndarray, values: np.ndarray, *, centred: bool = True
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Times from 0, channels centred and of unit scatter; what was taken off, and their scatters."""
+    mean, scale = values.mean(axis=1) * centred, values.std(axis=1)
     return times - times[0], (values - mean[:, None]) / scale[:, None], mean, scale
 
 

@@ -195,7 +195,7 @@ def extract(
     if np.any(data.std(axis=1) <= 1e-12 * np.maximum(level, 1e-300)):
         return ended("a channel does not move in the window")
 
-    elapsed, even, mean, scale = comparable(t, data)
+    elapsed, even, mean, scale = comparable(t, data, centred=drift != "none")
     cells = in_cells(elapsed, even)  # a long record is judged in cells; its numbers are from all samples
     drift, fits = _fits(*cells, drift)
     if not fits[0]:

@@ -61,6 +61,15 @@ def test_a_drift_is_flagged_and_right_once_it_is_allowed_for(kind, seed):
     assert right(found)
 
 
+def test_a_record_about_zero_needs_no_offset():
+    values = noisy(ring(TIMES), 2)
+    found = extract(Trace(TIMES, {"V": values}), start=0.0, drift="none")
+    assert found.sound
+    assert right(found)
+    assert found.offsets == {"V": 0.0}
+    assert not extract(Trace(TIMES, {"V": 0.5 + values}), start=0.0, drift="none").sound
+
+
 def test_without_a_drift_none_is_found():
     found = heard(ring(TIMES), 3, drift="auto")
     assert (found.drift, found.sound) == ("constant", True)
