@@ -1,5 +1,10 @@
 """Many records of many kinds: few false alarms, no bias, errors that hold."""
 
+import json
+import resource
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -112,3 +117,38 @@ def test_a_drift_moves_no_frequency_once_it_is_allowed_for(drift, shape):
     flagged, z = drifted(range(200), drift, shape)
     assert flagged <= 2 if drift == 0 else flagged == 200
     assert np.all(np.abs(z[:2]) < 0.25)
+
+
+def long_record(size: int) -> tuple[Trace, np.ndarray]:
+    """Forty units of time, finely sampled, with its (ω-, ω+, τ)."""
+    times = np.linspace(0, 40, size)
+    ring = np.exp(-times / 12) * (0.5 * np.cos(0.954 * times + 0.3) + 0.3 * np.cos(1.474 * times + 1.1))
+    noise = 0.01 * np.random.default_rng(0).standard_normal(size)
+    return Trace(times, {"V": 3 + ring + noise}), np.array([np.hypot(0.954, 1 / 12), np.hypot(1.474, 1 / 12), 12.0])
+
+
+def test_a_long_record_is_heard_by_all_its_samples():
+    trace, truth = long_record(100_000)
+    found = extract(trace, start=0.0)
+    assert (found.verdict, found.sound) == ("two", True)
+    assert np.all(np.abs(z_of(found, truth)) < 4)
+    short = extract(long_record(1000)[0], start=0.0)
+    # a hundred times the samples: a tenth of the error
+    assert found.stderr["tau"] == pytest.approx(short.stderr["tau"] / 10, rel=0.1)
+    assert found.noise == pytest.approx(short.noise, rel=0.1)
+
+
+@pytest.mark.slow
+def test_a_million_samples_take_seconds_and_little_memory(tmp_path):
+    trace, truth = long_record(1_000_000)
+    path = tmp_path / "long.csv"
+    np.savetxt(path, np.c_[trace.times, trace["V"]], delimiter=",", header="t,V", comments="", fmt="%.9g")
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    command = [sys.executable, "-m", "jshell", "analyse", str(path), "--from", "0", "--json"]
+    out = subprocess.run(command, capture_output=True, check=True, text=True).stdout
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    assert used.ru_utime - before.ru_utime < 20  # of the processor: others may be at work
+    assert used.ru_maxrss < 1.5e6  # kilobytes
+    found = json.loads(out)
+    assert found["verdict"] == "two"
+    assert abs(found["tau"] - truth[2]) < 4 * found["stderr"]["tau"]
