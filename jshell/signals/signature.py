@@ -281,10 +281,11 @@ def _fits(elapsed: np.ndarray, values: np.ndarray, drift: str) -> tuple[str, lis
     good = {kind: chi[kind] if sound(fits[1][0], elapsed) else np.inf for kind, fits in tries.items()}
     if not np.isfinite(good["constant"]) and chi["constant"] - min(chi.values()) < TERM:
         return "constant", tries["constant"]
-    chosen = "constant"
-    for kind in ("line", "exponential"):  # each further number must be worth its place
-        if good[chosen] - good[kind] > TERM or not np.isfinite(good[chosen]):
-            chosen = kind
+    # a drift must be sure; that it fades is one number more, worth the logarithm of the samples
+    priced = {"line": good["line"], "exponential": good["exponential"] + np.log(values.size)}
+    best = min(priced, key=lambda kind: priced[kind])
+    sure = good["constant"] - good[best] > TERM or not np.isfinite(good["constant"])
+    chosen = best if sure else "constant"
     return chosen, tries[chosen]
 
 

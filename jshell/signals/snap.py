@@ -43,7 +43,8 @@ def dip(trace: Trace, names: Sequence[str] = ()) -> float:
     near = slice(fastest, int(np.searchsorted(times, times[first] + SMOOTHING, side="right")))
     here = fastest + int(np.argmin(values[near]))
     fallen = values[0] - values[here] > FALLEN * (values[0] - values[lowest])
-    return float(times[here if lowest > here and fallen else lowest])
+    later = times[lowest] > times[here] + AFTER_SNAP
+    return float(times[here if later and fallen else lowest])
 
 
 def ring_down_start(trace: Trace) -> float | None:
