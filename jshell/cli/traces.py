@@ -187,23 +187,25 @@ def analyse(
     channel: Annotated[str | None, typer.Option(help="Channel to analyse; V, else all of H, W, S.")] = None,
     start: Annotated[float | None, typer.Option("--from", help="Window's start, dimensionless time.")] = None,
     stop: Annotated[float | None, typer.Option("--to", help="Window's end, dimensionless time.")] = None,
+    drift: Annotated[
+        str, typer.Option(help="What the modes ring about: none, constant, line, exponential, or auto.")
+    ] = "constant",
     meta: Annotated[Path | None, typer.Option(help="Conditions (JSON) for a file without them.")] = None,
     as_json: Json = False,
 ) -> None:
     """Analyse a trace: two frequencies, a decay time, amplitude ratios, a verdict."""
     trace = jshell.io.read_trace(file, meta=meta)
-    found = jshell.signals.extract(trace, channel, start=start, stop=stop)
+    found = jshell.signals.extract(trace, channel, start=start, stop=stop, drift=drift)
     if as_json:
         say({"file": str(file), **found.record()})
     else:
         typer.echo(signature_table(found))
-        if found.reason:
-            log(found.reason)
-    if found.verdict == "more than two":
-        log(f"two modes leave {100 * (found.residual or 0):.0f} % of the signal: the two-mode picture does not hold")
-    if found.verdict == "one" and found.omega_plus is not None:
-        log("warning: one mode is enough for this record: ω+ is that of a second, weak mode, and may be noise")
-    finish(found.outcome, sound=found.verdict != "more than two")
+        for text in (found.reason, *found.notes):
+            if text:
+                log(text)
+    for text in found.warnings:
+        log(f"{found.verdict}: {text}" if found.verdict in ("more than two", "misfit") else f"warning: {text}")
+    finish(found.outcome, sound=found.sound)
 
 
 def signature_table(found: "jshell.signals.Signature") -> str:
@@ -216,7 +218,11 @@ def signature_table(found: "jshell.signals.Signature") -> str:
     ]
     rows += [(f"A+/A− on {name}", ratio, None, None) for name, ratio in found.amplitude_ratio.items()]
     rows += [("residual / signal", found.residual, None, None), ("modes needed", found.verdict, None, None)]
-    header = ("from " + ", ".join(found.channels), "value", "± (white noise)", "Hz")
+    rows += [
+        ("window", f"{found.window[0]:.5g} to {found.window[1]:.5g}", None, None),
+        ("drift", found.drift, None, None),
+    ]
+    header = ("from " + ", ".join(found.channels), "value", "±", "Hz")
     if found.frequency_unit is None:
         return table([row[:3] for row in rows], header[:3])
     return table(rows, header)

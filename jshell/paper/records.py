@@ -146,7 +146,8 @@ def _with_fit(ax: Axes, trace: Trace, heard: Signature, name: str) -> None:
     ax.plot(times[fitted] - zero, two_modes(heard, name, times[fitted]) / size, color=BLACK, linewidth=0.8)
     ax.margins(x=0.0)
     _headroom(ax, 0.24)
-    words = f"ω̂₋ = {heard.omega_minus:.2f},  ω̂₊ = {heard.omega_plus:.2f},  τ̂ = {heard.tau:.1f}"
+    fast = np.nan if heard.omega_plus is None else heard.omega_plus
+    words = f"ω̂₋ = {heard.omega_minus:.2f},  ω̂₊ = {fast:.2f},  τ̂ = {heard.tau:.1f}"
     two, three = (f"{100 * left:.0f} %" for left in heard.residuals[1:])
     words += f"\nleaves {two} of the scatter; three sinusoids {three}"
     ax.text(0.99, 0.98, words, transform=ax.transAxes, ha="right", va="top", fontsize=7.5)

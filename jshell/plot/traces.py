@@ -139,7 +139,7 @@ def two_modes(signature: Signature, name: str, times: Float[np.ndarray, "times"]
         BadName: A channel without amplitudes.
     """
     slow, fast, tau = signature.omega_minus, signature.omega_plus, signature.tau
-    if signature.outcome != Outcome.OK or slow is None or fast is None or tau is None:
+    if signature.outcome != Outcome.OK or slow is None or tau is None:
         raise NotOk(f"signature ({signature.reason})", signature.outcome)
     if name not in signature.amplitudes:
         raise BadName(
@@ -149,7 +149,7 @@ def two_modes(signature: Signature, name: str, times: Float[np.ndarray, "times"]
             remedy="Extract the modes of that channel first.",
         )
     elapsed = times - signature.window[0]
-    damped = np.sqrt(np.array([slow, fast]) ** 2 - 1 / tau**2)
+    damped = np.sqrt(np.array([slow, slow if fast is None else fast]) ** 2 - 1 / tau**2)  # a mode not heard has no size
     amplitude, phase = np.array(signature.amplitudes[name]), np.array(signature.phases[name])
     waves = amplitude * np.cos(elapsed[:, None] * damped + phase)
     return signature.offsets[name] + np.exp(-elapsed / tau) * waves.sum(axis=1)
@@ -248,6 +248,8 @@ def _numbers(signature: Signature, time: Reading, laboratory: bool) -> str:
     lines = []
     for key, letter in rows:
         value, error = getattr(signature, key), signature.stderr[key]
+        if value is None:
+            continue
         if unit is None:
             lines.append(f"{quantity(key).symbol} = {_with_error(value, error)}")
         elif key == "tau":

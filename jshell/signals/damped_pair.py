@@ -20,12 +20,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from jshell.signals.waves import Ending, Model, search
+from jshell.signals.waves_from_data import sound
+
 STEPS = 80
 RIDGE = 1e-13  # on columns of length 1: lets nearly equal modes pass without a division by zero
 TOLERANCE = 1e-11  # relative change of the cost, and step in log Ω and log τ
-
-CLOSEST = 0.5  # modes nearer than this over τ are one mode with a decay of its own
-BUCKETS = 2 ** np.arange(6, 40)  # records are padded to these lengths: few programs serve all
 
 
 @dataclass(frozen=True)
@@ -106,45 +106,43 @@ def fit(
         values: Channels that share Ω and τ.
         starts: Ω of each mode, then the decay rate 1/τ.
     """
-    scale = values.std(axis=1)
-    size = int(BUCKETS[np.searchsorted(BUCKETS, times.size)])
-    elapsed = np.full(size, times[-1] - times[0])
-    elapsed[: times.size] = times - times[0]
-    padded = np.zeros((size, values.shape[0]))
-    padded[: times.size] = ((values - values.mean(axis=1, keepdims=True)) / scale[:, None]).T
-    weights = (np.arange(size) < times.size).astype(float)
-    guesses = jnp.asarray(starts[:, :-1]), jnp.asarray(1 / starts[:, -1])
-    every = jax.tree.map(
-        np.asarray, _from_each(jnp.asarray(elapsed), jnp.asarray(padded), jnp.asarray(weights), *guesses)
-    )
+    elapsed, even, mean, scale = comparable(times, values)
+    endings = [search(Model(starts.shape[1] - 1), elapsed, even, np.log(start)) for start in starts]
+    best = min(endings, key=lambda one: (not sound(one, elapsed), one.power))
+    return damped_modes(best, elapsed, even, mean, scale)
 
-    span, step = elapsed[-1], np.median(np.diff(times))
-    gap = np.diff(every.damped, axis=1).min(axis=1, initial=np.inf)
-    sound = every.converged & (gap * every.tau > CLOSEST) & (every.damped[:, 0] * every.tau > 1)
-    sound &= (every.damped[:, 0] * span > np.pi) & (every.damped[:, -1] * step < 0.95 * np.pi)
-    ranked = np.where(np.isfinite(every.residual), every.residual, np.inf)
-    best = int(np.argmin(np.where(sound, ranked, ranked + 1e3)))
-    found: Modes = jax.tree.map(lambda a: a[best], every)
 
-    Omega, tau = np.asarray(found.damped), float(found.tau)
-    omega = np.sqrt(Omega**2 + 1 / tau**2)
-    slope = np.concatenate([np.diag(Omega**2), np.full((Omega.size, 1), -(tau**-2.0))], axis=1) / omega[:, None]
-    errors = np.sqrt(np.maximum(np.einsum("mp,pq,mq->m", slope, found.covariance, slope), 0))
+def comparable(
+    times: np.ndarray, values: np.ndarray, *, centred: bool = True
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Times from 0, channels centred and of unit scatter; what was taken off, and their scatters."""
+    mean, scale = values.mean(axis=1) * centred, values.std(axis=1)
+    return times - times[0], (values - mean[:, None]) / scale[:, None], mean, scale
+
+
+def damped_modes(
+    ending: Ending, elapsed: np.ndarray, values: np.ndarray, mean: np.ndarray, scale: np.ndarray
+) -> DampedModes:
+    """An ending as plain numbers, channels in their own units again."""
+    Omega, sigma, M = ending.Omega, ending.sigma, ending.model.modes
+    omega = np.sqrt(Omega**2 + sigma**2)
+    # by log Ω of each mode, and by log σ, which all share
+    slope = np.zeros((M + 1, ending.unknowns.size))
+    slope[range(M), range(M)] = Omega**2 / omega
+    slope[:M, M] = sigma**2 / omega
+    slope[M, M] = 1 / sigma[0]
+    errors = np.sqrt(np.maximum(np.einsum("ap,pq,aq->a", slope, ending.covariance, slope), 0))
+    signal = values - ending.background(elapsed)
+    offset = ending.background(elapsed[-1:])[:, 0] if ending.model.background else np.zeros(scale.size)
     return DampedModes(
         Omega=Omega,
         omega=omega,
-        tau=tau,
-        errors=np.append(errors, tau * np.sqrt(max(float(found.covariance[-1, -1]), 0))),
-        offset=values.mean(axis=1) + scale * found.offset,
-        residual=float(found.residual),
-        converged=bool(sound[best]),
+        tau=float(1 / sigma[0]),
+        errors=errors,
+        offset=mean + scale * offset,
+        residual=float(np.sqrt(ending.power / max(float(np.sum(signal**2)), 1e-300))),
+        converged=sound(ending, elapsed),
     )
-
-
-@jax.jit
-def _from_each(times, values, weights, damped, tau):
-    """`minimum` from each start."""
-    return jax.vmap(minimum, in_axes=(None, None, None, 0, 0))(times, values, weights, damped, tau)
 
 
 def project(

@@ -6,32 +6,24 @@ Source     Mokbel et al. 2021, section "A 2-frequency oscillator"
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from itertools import combinations
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from jshell.display import FREQUENCY, TIME, ended, number, readable, shown
-from jshell.errors import BadName, BadValue, NotOk, Outcome
-from jshell.signals.damped_pair import DampedModes, fit
-from jshell.signals.pencil import rates
-from jshell.signals.snap import AFTER_SNAP, dip
+from jshell.errors import BadName, BadValue, NotOk, Outcome, choose
+from jshell.signals.alternatives import TERM, chi_square, leftovers
+from jshell.signals.blemishes import blemishes
+from jshell.signals.damped_pair import DampedModes, comparable, damped_modes
+from jshell.signals.judgement import Judgement, judge
+from jshell.signals.snap import dip, ring_down_start
+from jshell.signals.waves import DRIFTS, Ending, linear_part, measured, search
+from jshell.signals.waves_from_data import in_cells, ladder, sound
 from jshell.trace import Trace
 
 FEWEST_SAMPLES = 32
 WITHOUT_V = ("H", "W", "S")  # taken together where V was not recorded
 MEASURED = ("V", "S", "H", "W")  # the shape's own measures: fitted by default, their amplitude ratios reported
-MOST_STARTS = 10
-
-# A further mode is needed where what the modes so far leave is worth having (over this share of the signal,
-# and over the noise) and where the further mode takes a good part of it away.
-WORTH_HAVING = 0.05
-OVER_NOISE = 1.3
-TAKEN_AWAY = 0.3
-
-NOTHING_HEARD = 0.9  # three modes that leave this much of a record have found none
-
-VERDICTS = ("one", "two", "more than two")
 
 
 @dataclass(frozen=True)
@@ -40,20 +32,26 @@ class Signature:
 
     Attributes:
         omega_minus, omega_plus, tau: Of the two-mode fit, in the trace's time unit; None unless the outcome is ok.
-        stderr: Standard errors of the three, from the residual as white noise.
+            Where one mode is heard it is ω-, and ω+ is None.
+        stderr: Standard errors of the three, from the residual as noise, white or autocorrelated; NaN of what is None.
         amplitudes, phases: Channel to (slow, fast) amplitude in the channel's unit, and phase [rad], both at the
             window's start.
         offsets: Channel to the value it settles at.
-        residual: rms of the two-mode residual over rms of the signal about its offset.
+        residual: rms of what the modes leave over rms of the signal about its offset.
         residuals: The same with one, two and three modes.
         noise: Estimated noise over rms of the signal.
-        verdict: `one`, `two` or `more than two` modes are needed.
+        verdict: `one` or `two` modes describe the record, `more than two` are needed, or `misfit`: they do not describe
+            it, and `warnings` says what might.
         channels: Those it was extracted from.
         window: First and last time used.
         t_dip: Time of the snap's dip.
         outcome: ok, unusable_data or not_converged.
         reason: Why the outcome is not ok, in words.
         frequency_unit: Hz per unit of ω, where the record's SI scales are known.
+        fits: With one, two and three modes.
+        drift: What the modes ring about: the one asked for, or the one found.
+        warnings: Why the numbers are not to be trusted; empty where they are.
+        notes: What a reader may want to know besides.
     """
 
     omega_minus: float | None
@@ -74,6 +72,9 @@ class Signature:
     reason: str = ""
     frequency_unit: float | None = None
     fits: tuple[DampedModes, ...] = field(default=(), repr=False)
+    drift: str = "constant"
+    warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @readable
     def __repr__(self) -> str:
@@ -88,6 +89,11 @@ class Signature:
             "from " + " ".join(self.channels),
             ended(self.outcome),
         )
+
+    @property
+    def sound(self) -> bool:
+        """Whether the record is described, and the numbers can be read as they are."""
+        return self.outcome == Outcome.OK and self.verdict in ("one", "two") and not self.warnings
 
     @property
     def amplitude_ratio(self) -> dict[str, float | None]:
@@ -118,6 +124,9 @@ class Signature:
             "channels": list(self.channels),
             "window": list(self.window),
             "t_dip": self.t_dip,
+            "drift": self.drift,
+            "warnings": list(self.warnings),
+            "notes": list(self.notes),
             "outcome": self.outcome.word,
             "reason": self.reason,
         }
@@ -132,6 +141,7 @@ def extract(
     *,
     start: float | int | None = None,
     stop: float | int | None = None,
+    drift: str = "constant",
     throw: bool = False,
 ) -> Signature:
     """Extract the modes of a trace: two frequencies, one decay time, amplitudes, and a verdict.
@@ -140,7 +150,10 @@ def extract(
         trace: The record.
         channel: Channel to use, or several that share frequencies and decay. By default V; where V was
             not recorded, all of H, W and S that were, else every channel.
-        start, stop: Window [the trace's time unit]; by default from 5 units after the snap's dip to the end.
+        start, stop: Window [the trace's time unit]; by default from 5 units after the dip of a record that holds a
+            snap, else from its start, to the end. Fits have the same rule.
+        drift: What the modes ring about: `none` (zero), `constant`, `line`, `exponential` (a constant and a term that
+            fades), or `auto`, the simplest that is needed. With a constant, a drift of significance is a misfit.
         throw: Raise `NotOk` unless the outcome is ok.
 
     Returns:
@@ -166,7 +179,11 @@ def extract(
             place = f"channel {name!r}, sample {row}"
             raise BadValue(place, found="not a finite number", expected="numbers", remedy="Cut it out.")
     t_dip = dip(trace, names)
-    low = t_dip + AFTER_SNAP if start is None else start
+    choose("drift", drift, (*DRIFTS, "auto"))
+    low = start
+    if low is None:
+        begin = ring_down_start(trace)
+        low = float(times[0]) if begin is None else begin
     cut = trace.between(low, stop)
     t = np.asarray(cut.times, dtype=float)
     window = (float(t[0]), float(t[-1])) if t.size else (float(low), float(times[-1]))
@@ -178,56 +195,62 @@ def extract(
     if np.any(data.std(axis=1) <= 1e-12 * np.maximum(level, 1e-300)):
         return ended("a channel does not move in the window")
 
-    fits = _fits(t, data)
-    if fits is None:
+    elapsed, even, mean, scale = comparable(t, data, centred=drift != "none")
+    cells = in_cells(elapsed, even)  # a long record is judged in cells; its numbers are from all samples
+    drift, fits = _fits(*cells, drift)
+    if not fits[0]:
         return ended("no oscillation is found in the window")
-    pair = fits[1]
-    if min(found.residual for found in fits) > NOTHING_HEARD:
+    marks = [blemishes(row) for row in data]
+    steps = np.array([mark.step for mark in marks]) / scale
+    found = judge(fits, *cells, names, marks, window[0], steps=steps)
+    if found.word is None:
         return ended("no oscillation rises above the noise in the window")
-    if not pair.converged:
-        return _silent(names, window, t_dip, "the two-mode fit did not converge", throw, Outcome.NOT_CONVERGED)
-    residuals = tuple(found.residual for found in fits)
-    noise = _noise(data, pair)
-    amplitudes, phases, offsets = _amplitudes(t, cut, names, pair)
-    unit = None if trace.scales is None else trace.scales.frequency
-    omega = pair.omega
+    if not sound(found.ending, cells[0]):
+        why, outcome = "the fit did not converge", Outcome.NOT_CONVERGED
+        if not sound(fits[0][0], cells[0]):
+            why, outcome = "no ring-down is found in the window", Outcome.UNUSABLE_DATA
+        silent = _silent(names, window, t_dip, why, throw, outcome)
+        told = found.word if found.word in ("more than two", "misfit") else None
+        return replace(silent, verdict=told, warnings=found.warnings, notes=found.notes, drift=drift)
+    endings = [endings[0] for endings in fits]
+    if cells[0].size < elapsed.size:
+        endings = [measured(one, elapsed, even) for one in endings]
+        place = found.ending.model.modes - 1
+        endings[place] = search(endings[place].model, elapsed, even, endings[place].unknowns)
+        found = replace(found, ending=endings[place], noise=leftovers(even, endings[place], elapsed))
+    every = tuple(damped_modes(one, elapsed, even, mean, scale) for one in endings)
+    best = every[found.ending.model.modes - 1]
+    errors = best.errors * _wider(found, float(np.median(np.diff(elapsed))))
+    alone = found.word == "one" or best.Omega.size == 1
+    amplitudes, phases, offsets = _amplitudes(elapsed, cut, names, found.ending)
+    signal = even - found.ending.background(elapsed)
+    noise = [part.level**2 / np.mean(row**2) for part, row in zip(found.noise, signal, strict=True)]
     return Signature(
-        omega_minus=float(omega[0]),
-        omega_plus=float(omega[1]),
-        tau=pair.tau,
+        omega_minus=float(best.omega[0]),
+        omega_plus=None if alone else float(best.omega[1]),
+        tau=best.tau,
         stderr={
-            "omega_minus": float(pair.errors[0]),
-            "omega_plus": float(pair.errors[1]),
-            "tau": float(pair.errors[2]),
+            "omega_minus": float(errors[0]),
+            "omega_plus": np.nan if alone else float(errors[1]),
+            "tau": float(errors[-1]),
         },
         amplitudes=amplitudes,
         phases=phases,
         offsets=offsets,
-        residual=pair.residual,
-        residuals=residuals,
-        noise=noise,
-        verdict=verdict(residuals, noise),
+        residual=best.residual,
+        residuals=tuple(one.residual for one in every),
+        noise=float(np.sqrt(np.mean(noise))),
+        verdict=found.word,
         channels=names,
         window=window,
         t_dip=t_dip,
         outcome=Outcome.OK,
-        frequency_unit=unit,
-        fits=fits,
+        frequency_unit=None if trace.scales is None else trace.scales.frequency,
+        fits=every,
+        drift=drift,
+        warnings=found.warnings,
+        notes=found.notes,
     )
-
-
-def verdict(residuals: Sequence[float], noise: float) -> str:
-    """How many modes a record needs: `one`, `two` or `more than two`.
-
-    Modes are enough where they leave less than a twentieth of the signal or less than 1.3 times the noise,
-    or where no further mode takes away at least 30 % of what they leave.
-    """
-    for count, so_far in enumerate(residuals):
-        worth = so_far > WORTH_HAVING and so_far > OVER_NOISE * noise
-        further = min(residuals[count + 1 :], default=so_far)
-        if not (worth and further < (1 - TAKEN_AWAY) * so_far):
-            return VERDICTS[count]
-    return VERDICTS[-1]
 
 
 def _chosen(trace: Trace, channel: str | Sequence[str] | None) -> tuple[str, ...]:
@@ -245,60 +268,48 @@ def _chosen(trace: Trace, channel: str | Sequence[str] | None) -> tuple[str, ...
     return names
 
 
-def _fits(t: np.ndarray, data: np.ndarray) -> tuple[DampedModes, ...] | None:
-    """Fits with one, two and three modes; None where the pencil finds nothing."""
-    found = rates(t, data / data.std(axis=1, keepdims=True))
-    if not found:
-        return None
-    span = t[-1] - t[0]
-    fits = []
-    for modes in (1, 2, 3):
-        starts = _starts(found, modes, span)
-        fits.append(fit(t, data, starts))
-    return tuple(fits)
+def _fits(elapsed: np.ndarray, values: np.ndarray, drift: str) -> tuple[str, list[list[Ending]]]:
+    """Fits with one, two and three modes, and the drift they were made with."""
+    if drift != "auto":
+        return drift, ladder(elapsed, values, drift)
+    tries = {kind: ladder(elapsed, values, kind) for kind in ("constant", "line", "exponential")}
+    if not all(fits[0] for fits in tries.values()):
+        return "constant", tries["constant"]
+    richest = min((fits[1][0] for fits in tries.values()), key=lambda ending: ending.power)
+    noise = leftovers(values, richest, elapsed)
+    chi = {kind: chi_square(noise, values, fits[1][0], elapsed) for kind, fits in tries.items()}
+    good = {kind: chi[kind] if sound(fits[1][0], elapsed) else np.inf for kind, fits in tries.items()}
+    if not np.isfinite(good["constant"]) and chi["constant"] - min(chi.values()) < TERM:
+        return "constant", tries["constant"]
+    # a drift must be sure; that it fades is one number more, worth the logarithm of the samples
+    priced = {"line": good["line"], "exponential": good["exponential"] + np.log(values.size)}
+    best = min(priced, key=lambda kind: priced[kind])
+    sure = good["constant"] - good[best] > TERM or not np.isfinite(good["constant"])
+    chosen = best if sure else "constant"
+    return chosen, tries[chosen]
 
 
-def _starts(found: list[np.ndarray], modes: int, span: float) -> np.ndarray:
-    """Starts for a number of modes: combinations of the strongest rates of every order, the decay from them."""
-    rows = []
-    for s in found:
-        strongest = s[: modes + 2]
-        while strongest.size < modes:  # fewer rates than modes: an overtone to start from
-            strongest = np.append(strongest, strongest[-1].real + 1.7j * strongest[-1].imag)
-        for chosen in combinations(strongest, modes):
-            decay = min(max(-np.mean([r.real for r in chosen]), 0.05 / span), 10 / span)
-            rows.append((*sorted(r.imag for r in chosen), decay))
-    # strongest combinations of each order come first; interleave the orders and keep a fixed number
-    rows = sorted(set(rows), key=rows.index)
-    spread = np.linspace(0, len(rows) - 1, min(MOST_STARTS, len(rows))).round().astype(int)
-    picked = [rows[k] for k in np.unique(spread)]
-    while len(picked) < MOST_STARTS:
-        picked.append(picked[0])
-    return np.array(picked)
+def _wider(found: Judgement, step: float) -> np.ndarray:
+    """Factors of the errors of each ω and of τ where the noise is autocorrelated: it is louder at one place than on
+    average, and errors of white noise do not know."""
+    at = np.stack([one.louder(found.ending.Omega * step) for one in found.noise])
+    worst = at.max(axis=0)
+    return np.append(worst, worst.max())
 
 
-def _noise(data: np.ndarray, pair: DampedModes) -> float:
-    """Noise over rms of the signal, from sixth differences, which the motion hardly survives."""
-    signal = data - pair.offset[:, None]
-    each = np.mean(np.diff(data, 6, axis=1) ** 2, axis=1) / 924.0  # 924 = (12 choose 6)
-    return float(np.sqrt(np.mean(each / np.mean(signal**2, axis=1))))
-
-
-def _amplitudes(t: np.ndarray, cut: Trace, names: tuple[str, ...], pair: DampedModes):
-    """Amplitudes, phases and offsets of every measured channel at the pair's frequencies and decay."""
-    elapsed = t - t[0]
-    envelope = np.exp(-elapsed / pair.tau)[:, None]
-    angle = elapsed[:, None] * pair.Omega[None]
-    columns = np.concatenate([envelope * np.cos(angle), envelope * np.sin(angle), np.ones((t.size, 1))], axis=1)
+def _amplitudes(elapsed: np.ndarray, cut: Trace, names: tuple[str, ...], ending: Ending):
+    """Amplitudes, phases and offsets of every measured channel at the waves' frequencies and decay."""
+    listed = tuple(dict.fromkeys((*(m for m in MEASURED if m in cut.channels), *names)))
+    linear = linear_part(ending, elapsed, np.stack([np.asarray(cut[name], dtype=float) for name in listed]))
+    waves = linear[ending.model.background :]
+    C, S = waves[0::2], waves[1::2]
+    size, turned = np.hypot(C, S), np.arctan2(-S, C)
+    second = lambda row: float(row[1]) if row.size > 1 else 0.0  # noqa: E731
     amplitudes, phases, offsets = {}, {}, {}
-    for name in dict.fromkeys((*(m for m in MEASURED if m in cut.channels), *names)):
-        found = np.linalg.lstsq(columns, np.asarray(cut[name], dtype=float), rcond=None)[0]
-        cosine, sine = found[:2], found[2:4]
-        slow, fast = np.hypot(cosine, sine)
-        amplitudes[name] = (float(slow), float(fast))
-        first, second = np.arctan2(-sine, cosine)
-        phases[name] = (float(first), float(second))
-        offsets[name] = float(found[4])
+    for name, one, angle, k in zip(listed, size.T, turned.T, range(len(listed)), strict=True):
+        amplitudes[name] = (float(one[0]), second(one))
+        phases[name] = (float(angle[0]), second(angle))
+        offsets[name] = float(linear[0, k]) if ending.model.background else 0.0
     return amplitudes, phases, offsets
 
 

@@ -4,10 +4,13 @@ import numpy as np
 import pytest
 from scipy.optimize import curve_fit
 
+from jshell.calibration.data import windowed
 from jshell.errors import BadName, BadValue, NotOk, Outcome
-from jshell.signals import dip, extract, ring_down_start, verdict
+from jshell.shell.parameters import Reduced
+from jshell.signals import dip, extract, ring_down_start
 from jshell.trace import Trace
 
+R_BUCKLED = Reduced(0.22, 0.9, 1.62, 0.004)
 TIMES = np.linspace(0.0, 40.0, 401)
 TAU = 8.0
 
@@ -105,14 +108,34 @@ def test_wrong_requests_are_refused():
         extract(Trace(TIMES, {"V": holed}))
 
 
-def test_a_second_mode_below_the_noise_is_not_needed():
-    assert verdict((0.3, 0.28, 0.27), 0.27) == "one"
-    assert verdict((0.6, 0.04, 0.03), 0.001) == "two"
-    assert verdict((0.6, 0.43, 0.18), 0.001) == "more than two"
-
-
 def test_white_noise_holds_no_mode():
     noise = np.random.default_rng(3).standard_normal(TIMES.size)
     heard = extract(Trace(TIMES, {"V": 2.9 + 0.1 * noise}), start=0.0)
     assert heard.outcome == Outcome.UNUSABLE_DATA
     assert heard.omega_minus is None
+
+
+@pytest.mark.parametrize("span", [40.0, 150.0, 400.0])
+@pytest.mark.parametrize("leak", [0.0, -2e-4])
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_a_long_plateau_hides_no_snap(span, leak, seed):
+    times = np.arange(0.0, span, 0.1)
+    noise = 0.02 * np.random.default_rng(seed).standard_normal(times.size)
+    trace = Trace(times, {"V": snapped(times, 8.0) + leak * times + noise})
+    assert dip(trace) == pytest.approx(8.0, abs=1.0)
+    assert ring_down_start(trace) == pytest.approx(13.0, abs=1.0)
+
+
+@pytest.mark.parametrize("size", [0.1, 0.3, 0.5])
+def test_a_snap_from_a_long_rest_is_seen_beside_a_loud_ring(size):
+    after = np.maximum(TIMES - 15.0, 0.0)
+    values = np.where(TIMES < 15.0, 4.1, 2.9 + size * ring(after, (1.0, 1.05, np.pi)))
+    assert ring_down_start(Trace(TIMES, {"V": values})) == pytest.approx(20.0, abs=0.2)
+
+
+@pytest.mark.parametrize("name", ["V", "H", "W"])
+def test_fit_and_extraction_read_the_same_window(name):
+    for values in (snapped(TIMES, 8.0), 2.9 + 0.1 * ring(TIMES, SLOW, FAST)):
+        trace = Trace(TIMES, {name: values + 1e-4 * np.random.default_rng(0).standard_normal(TIMES.size)}, R_BUCKLED)
+        (cut,) = windowed(trace, None, None)
+        assert extract(trace).window == (float(cut.times[0]), float(cut.times[-1]))
