@@ -198,6 +198,7 @@ class _Batch:
                 numbers[6],
                 elapsed=side_by_side(bucket.elapsed) if uneven else None,
                 uneven=side_by_side(bucket.values) if uneven else None,
+                noise=None if bucket.noise is None else np.swapaxes(bucket.noise[lanes], 1, 2),
             )
             first = np.swapaxes(
                 np.resize(starts[:, at : at + mine.size].T, (together * size, 4)).reshape(together, size, 4), 1, 2

@@ -202,6 +202,7 @@ class BlockInput(eqx.Module):
         area_modulus: K_A.
         elapsed: Times of uneven samples, else None; `values` then is the record brought to even times, for the start.
         uneven: The record itself at those times; with `elapsed`.
+        noise: (channels, block) its own; with `elapsed`.
     """
 
     values: Numbers
@@ -215,6 +216,7 @@ class BlockInput(eqx.Module):
     area_modulus: Numbers
     elapsed: Numbers | None = None
     uneven: Numbers | None = None
+    noise: Numbers | None = None
 
 
 class PreparedBlock(NamedTuple):
@@ -269,7 +271,9 @@ def prepare(raw: BlockInput, cell: int) -> PreparedBlock:
     if raw.elapsed is not None:
         y, mean = stage(centred, go, raw.uneven, raw.count)
         square, _ = stage(spreads, go, y, raw.count)
-        weight = 1 / jnp.where(jnp.isnan(raw.sigma), SMALLEST_NOISE**2 * square, raw.sigma**2)
+        assert raw.noise is not None
+        own = jnp.maximum(raw.noise**2, SMALLEST_NOISE**2 * square)
+        weight = 1 / jnp.where(jnp.isnan(raw.sigma), own, raw.sigma**2)
         power = total(weight[c] * square[c] * raw.count for c in range(2))
         inside = (jnp.arange(y.shape[1])[:, None] < raw.count).astype(float)
         data = Block(y, mean, power, raw.count, raw.step, weight, gas, wall, volume, raw.elapsed, inside)

@@ -36,7 +36,7 @@ class BatchResult:
         outcome: (rows,) integers of `Outcome`.
         chi_square: (rows,) weighted sum of squares.
         n_data: (rows,) numbers read.
-        misfit: (rows,) whether the model leaves clearly more than the noise of an even record without given σ.
+        misfit: (rows,) whether the model leaves clearly more than the noise.
         start: (rows, 4) alpha1, alpha2, k_vs, tau where the search began.
         steps: (rows,) steps of the search.
         tried: (rows,) starts.
@@ -212,11 +212,8 @@ def read(run, fixed: np.ndarray) -> BatchResult:
         words = in_words(direction / np.linalg.norm(direction), names)
         directions.append((int(row), f"{words} changes nothing in this record: fix one of them"))
         stderr[row], covariance[row] = np.nan, np.nan
-    even = np.zeros(rows, bool)
-    for bucket in run.buckets:
-        even[bucket.rows] = bucket.elapsed is None
     with np.errstate(all="ignore"):
-        misfit = finite & (reduced > MISFIT**2) & (even | run.absolute)
+        misfit = finite & (reduced > MISFIT**2)
     lost = ~finite
     hide = lambda x: np.where(lost.reshape(-1, *[1] * (x.ndim - 1)), np.nan, x)  # noqa: E731
     start = np.stack([np.exp(found.start[0]), np.exp(found.start[1]), found.start[2], np.exp(-found.start[3])], axis=1)

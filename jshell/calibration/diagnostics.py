@@ -16,6 +16,7 @@ from jshell.calibration.advice import (
     other_minima,
     quiet_modes,
     remedy,
+    sampling_notes,
     sign_of_coupling,
 )
 from jshell.calibration.ar1 import examined, fit_ar1, power
@@ -134,6 +135,7 @@ def trace_result(
         estimates.append(Estimate(name, float(value), float(errors.stderr[j]), errors.reasons[j], role="nuisance"))
 
     notes += method_notes(problem, joint, absolute, robust, noises)
+    notes += sampling_notes(cut, absolute)
     notes += sign_of_coupling(problem, space, estimates)
     notes += other_minima(ending, space, same)
     if joint.problem.loss == "strict" or any(one.memory for one in noises):

@@ -11,12 +11,12 @@ import equinox as eqx
 import jax
 import numpy as np
 
-from jshell.calibration.data import noise_of
 from jshell.calibration.joint import Joint, Piece
 from jshell.calibration.lengths import without_data
 from jshell.calibration.losses import strict_coefficients
 from jshell.calibration.noise import MISFIT, Noise
 from jshell.calibration.records import Record
+from jshell.calibration.sampling import noise_of
 from jshell.oscillator.linear import matrices, squares, state_matrix
 from jshell.signals import ring_down_start
 from jshell.trace import Trace
@@ -78,13 +78,11 @@ def _size(left: np.ndarray, robust: bool) -> float:
 
 
 def _noise(one: Record, trace: Trace, channel: int, name: str) -> float | None:
-    """Noise of a channel: given, or from its sixth differences; None where neither is possible."""
+    """Noise of a channel: given, or from its sixth differences; None where they hold none."""
     if name in trace.sigma:
         weight = np.asarray(one.weight[channel])
         return float(np.sqrt(np.mean(1 / weight[weight > 0] ** 2)))
-    if not one.uniform:
-        return None
-    return noise_of(np.asarray(trace[name], dtype=float)) or None
+    return noise_of(np.asarray(trace[name], dtype=float), np.asarray(trace.times, dtype=float)) or None
 
 
 def _explained(rms: float, level: float | None, noise: Noise) -> bool:
