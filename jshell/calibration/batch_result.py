@@ -10,6 +10,7 @@ import numpy as np
 
 from jshell.calibration.noise import MISFIT
 from jshell.calibration.uncertainty import in_words
+from jshell.calibration.undetermined import PART
 from jshell.display import ended, number, readable, shown
 from jshell.errors import MissingExtra, Outcome
 from jshell.signals.lane_search import CONVERGED, RUNNING
@@ -212,9 +213,16 @@ def read(run, fixed: np.ndarray) -> BatchResult:
         words = in_words(direction / np.linalg.norm(direction), names)
         directions.append((int(row), f"{words} changes nothing in this record: fix one of them"))
         stderr[row], covariance[row] = np.nan, np.nan
+        # what the direction moves is undetermined, and what follows from it; the rest stays
+        moved = np.flatnonzero(free)[np.abs(direction) > PART * np.abs(direction).max()]
+        values[row, moved] = np.nan
+        if {0, 3} & set(moved.tolist()):
+            values[row, 4] = np.nan
     with np.errstate(all="ignore"):
         misfit = finite & (reduced > MISFIT**2)
-    lost = ~finite
+    ended_well = np.isin(outcome, [int(one) for one in (Outcome.OK, Outcome.AT_BOUND, Outcome.RANK_DEFICIENT)])
+    lost = ~(finite & ended_well)  # a search that did not come to rest determines nothing
+    values[lost] = np.nan
     hide = lambda x: np.where(lost.reshape(-1, *[1] * (x.ndim - 1)), np.nan, x)  # noqa: E731
     start = np.stack([np.exp(found.start[0]), np.exp(found.start[1]), found.start[2], np.exp(-found.start[3])], axis=1)
     return BatchResult(
