@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import scipy.special
 
-from jshell.calibration.noise import MISFIT
 from jshell.calibration.uncertainty import in_words
 from jshell.calibration.undetermined import PART
 from jshell.display import ended, number, readable, shown
@@ -42,6 +42,7 @@ class BatchResult:
         steps: (rows,) steps of the search.
         tried: (rows,) starts.
         agreeing: (rows,) those of them that ended in the best minimum.
+        memory: (rows, 2) φ of the noise of V and S from sample to sample; 0 where it passes as white.
         free_directions: (row, words) for every rank-deficient row.
         absolute: Errors come from given σ; else they are scaled by the reduced χ².
     """
@@ -60,6 +61,7 @@ class BatchResult:
     steps: np.ndarray
     tried: np.ndarray
     agreeing: np.ndarray
+    memory: np.ndarray
     free_directions: tuple[tuple[int, str], ...]
     absolute: bool
 
@@ -90,6 +92,13 @@ class BatchResult:
     def error_of(self, name: str) -> np.ndarray:
         """A parameter's (rows,) standard errors."""
         return self.stderr[:, PARAMETERS.index(name)]
+
+    def interval(self, name: str, level: float | int = 0.95) -> tuple[np.ndarray, np.ndarray]:
+        """A parameter's (rows,) intervals, as `FitResult.interval` gives them: value ± error times Student's factor."""
+        free = np.sum(self.stderr[:, :4] > 0, axis=1)
+        worth = np.sum(self.n_data[:, None] / 2 * (1 - self.memory) / (1 + self.memory), axis=1)
+        factor = scipy.special.stdtrit(np.maximum(worth - 6 - free, 4.0), (1 + level) / 2)
+        return self[name] - factor * self.error_of(name), self[name] + factor * self.error_of(name)
 
     def columns(self) -> dict[str, np.ndarray]:
         """Every number by name, (rows,) each; for CSV and data frames."""
@@ -139,6 +148,9 @@ class BatchResult:
         if again.any():
             agree = int(np.sum(self.agreeing[again] == self.tried[again]))
             lines.append(f"    tried again       {int(again.sum()):6}: every start agrees for {agree}")
+        remember = int(np.sum(self.memory.max(axis=1, initial=0.0) > 0))
+        if remember:
+            lines.append(f"    autocorrelated    {remember:6}: noise with a memory, allowed for")
         for name in PARAMETERS:
             good = self[name][self.ok & np.isfinite(self[name])]
             if good.size:
@@ -162,7 +174,7 @@ def read(run, fixed: np.ndarray) -> BatchResult:
         none = np.zeros(rows, int)
         return BatchResult(
             blank(5), blank(5), blank(5, 5), blank(2), blank(6), blank(2), outcome, blank(), none, none > 0, blank(4),
-            none, none, none, (), run.absolute,
+            none, none, none, np.zeros((rows, 2)), (), run.absolute,
         )  # fmt: skip
     u = found.unknowns
     usable = ~run.unusable & run.buckled
@@ -182,10 +194,12 @@ def read(run, fixed: np.ndarray) -> BatchResult:
         wet = run.viscosity > 0
         beta1 = np.where(wet, np.exp(u[0]) / (2 * tau * np.where(wet, run.viscosity, 1.0)), np.nan)
         values[finite] = np.stack([np.exp(u[0]), np.exp(u[1]), u[2], tau, beta1], axis=1)[finite]
-        reduced = found.cost / np.maximum(2 * run.counts - 6 - free.sum(), 1)
     normal = np.moveaxis(found.normal, -1, 0)[:, free][:, :, free]
     inverse, deficient = _inverse(np.where(finite[:, None, None], normal, np.eye(int(free.sum()))))
-    scale = np.ones(rows) if run.absolute else np.where(finite, reduced, np.nan)
+    # autocorrelated noise scales errors by what its whitened residual leaves
+    whitened = np.where(np.isnan(run.studied.whitened), found.cost, run.studied.whitened)
+    spread = whitened / np.maximum(2 * run.counts - 6 - free.sum(), 1)
+    scale = np.ones(rows) if run.absolute else np.where(finite, spread, np.nan)
 
     # (natural parameters, unknowns): d(alpha1, alpha2, k, tau, beta1)/d(log alpha1, log alpha2, k, log rate)
     slope = np.zeros((rows, 5, 4))
@@ -218,8 +232,7 @@ def read(run, fixed: np.ndarray) -> BatchResult:
         values[row, moved] = np.nan
         if {0, 3} & set(moved.tolist()):
             values[row, 4] = np.nan
-    with np.errstate(all="ignore"):
-        misfit = finite & (reduced > MISFIT**2)
+    misfit = finite & run.studied.misfit
     ended_well = np.isin(outcome, [int(one) for one in (Outcome.OK, Outcome.AT_BOUND, Outcome.RANK_DEFICIENT)])
     lost = ~(finite & ended_well)  # a search that did not come to rest determines nothing
     values[lost] = np.nan
@@ -227,7 +240,8 @@ def read(run, fixed: np.ndarray) -> BatchResult:
     start = np.stack([np.exp(found.start[0]), np.exp(found.start[1]), found.start[2], np.exp(-found.start[3])], axis=1)
     return BatchResult(
         values, hide(stderr), hide(covariance), hide(found.omega.T), hide(found.state.T), hide(found.rest.T), outcome,
-        hide(found.cost), 2 * run.counts, misfit, hide(start), found.steps, run.tried, run.agreeing, tuple(directions),
+        hide(found.cost), 2 * run.counts, misfit, hide(start), found.steps, run.tried, run.agreeing, run.studied.memory,
+        tuple(directions),
         run.absolute,
     )  # fmt: skip
 

@@ -184,7 +184,8 @@ def _row(
 
 def _tested(left: np.ndarray) -> Noise:
     lag1, z = lag_one(left)
-    return Noise("", left.size, lag1, z, runs(left), 0.0, float(left.size), peak_chance(left), envelope_chance(left))
+    chances = float(peak_chance(left)), envelope_chance(left)
+    return Noise("", left.size, float(lag1), float(z), float(runs(left)), 0.0, float(left.size), *chances)
 
 
 def _oscillator(loss: str, trace: Trace, names: tuple[str, ...], equilibrium: str, data, weight, noise) -> Row | None:
