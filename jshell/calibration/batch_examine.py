@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jshell.calibration.batch_noise import Again, Given, again, columns, memory_of, residual
+from jshell.calibration.batch_noise import Again, Given, Left, again, columns, memory_of, residual
 from jshell.calibration.misfit import is_explained
 from jshell.calibration.noise import (
     MISFIT,
@@ -16,10 +16,9 @@ from jshell.calibration.noise import (
     estimate_memory,
     is_coherent,
     is_correlated,
-    lag_one,
     peak_chance,
     remembered,
-    runs,
+    runs_from,
     steps_between,
     whiten,
 )
@@ -67,12 +66,15 @@ def study(run: Any, which: np.ndarray, free: np.ndarray, *, white: bool) -> None
         coherent = _coherent(bucket, chosen, left, memory)
         if not white:
             run.studied.memory[rows] = memory
-        rms = np.sqrt(np.einsum("rct,rct->rc", left, left) / bucket.counts[chosen, None])
+        rms = np.sqrt(left.power / bucket.counts[chosen, None])
         more = rms > MISFIT
         if not run.absolute:
             more &= ~((memory > 0) & ~coherent & is_explained(np.maximum(rms, 1e-300), 1.0, memory))
-        scatter = np.sqrt(run.found.weight[:, rows].T) * _scatters(bucket, chosen)
-        run.studied.misfit[rows] = np.any((more | coherent) & (rms > 1e-5 * scatter), axis=1)
+        misfit = more | coherent
+        flagged = np.flatnonzero(misfit.any(axis=1))
+        scatter = np.sqrt(run.found.weight[:, rows[flagged]].T) * _scatters(bucket, chosen[flagged])
+        misfit[flagged] &= rms[flagged] > 1e-5 * scatter  # of exact data rounding is left
+        run.studied.misfit[rows] = misfit.any(axis=1)
 
 
 def remember(run: Any) -> None:
@@ -87,7 +89,7 @@ def remember(run: Any) -> None:
         if chosen.size:
             _fit_again(run, bucket, chosen, memory[chosen])
             left = _residuals(run, bucket, chosen)
-            run.found.cost[bucket.rows[chosen]] = np.einsum("rct,rct->r", left, left)
+            run.found.cost[bucket.rows[chosen]] = left.power.sum(axis=1)
 
 
 def _scatters(bucket: Bucket, chosen: np.ndarray) -> np.ndarray:
@@ -137,38 +139,40 @@ def _side_by_side(values: np.ndarray, padded: int) -> np.ndarray:
     return wide
 
 
-def _residuals(run: Any, bucket: Bucket, chosen: np.ndarray) -> np.ndarray:
-    """(chosen, 2, times) weighted, 0 beyond each record."""
-    left = np.zeros((chosen.size, 2, bucket.values.shape[2]))
+def _residuals(run: Any, bucket: Bucket, chosen: np.ndarray) -> Left:
+    """What is left of chosen records, (chosen, 2, …) each; the halves (chosen, 2, 2)."""
+    parts = []
     for mine, rows, given in _blocks(run, bucket, chosen):
-        found = run.found
-        r = residual(found.unknowns[:, rows], found.state[:4, rows], found.state[4:, rows], given)
-        left[mine] = np.moveaxis(np.asarray(r), -1, 0)[: mine.size, :, : left.shape[2]]
-    return left
+        state = run.found.state[:, rows]
+        parts.append([np.moveaxis(np.asarray(x)[..., : mine.size], -1, 0) for x in residual(
+            run.found.unknowns[:, rows], state[:4], state[4:], given
+        )])  # fmt: skip
+    return Left(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
 
-def _memories(run: Any, bucket: Bucket, chosen: np.ndarray, left: np.ndarray, free: np.ndarray) -> np.ndarray:
+def _memories(run: Any, bucket: Bucket, chosen: np.ndarray, left: Left, free: np.ndarray) -> np.ndarray:
     """(chosen, 2) φ where the tests of white noise fail, else 0."""
-    correlated = np.zeros((chosen.size, 2), bool)
-    for count, mine in _alike(bucket.counts[chosen]):
-        kept = left[mine][..., :count]
-        with np.errstate(all="ignore"):
-            correlated[mine] = is_correlated(lag_one(kept)[1], runs(kept))
+    count = bucket.counts[chosen, None]
+    with np.errstate(all="ignore"):
+        lag1 = left.neighbours / (left.power - count * left.mean**2)
+        correlated = is_correlated(lag1 * np.sqrt(count), runs_from(left.above, left.changes, count))
     memory, some = np.zeros((chosen.size, 2)), np.flatnonzero(correlated.any(axis=1))
     # of a channel, alpha1, alpha2 and k_vs move the two frequencies; what else they do its own amplitudes do as well
     fitted = free.astype(float)
     fitted[0] *= not free[:3].all()
     for mine, rows, given in _blocks(run, bucket, chosen[some]):
-        parts = columns(run.found.unknowns[:, rows], fitted, given)
+        at = run.found.unknowns[:, rows], run.found.state[:4, rows], fitted
+        mine_left = left.residual[some[mine]]
         if bucket.elapsed is None:
-            found = np.asarray(memory_of(parts, fitted, given.count)).T[: mine.size]
+            r = _side_by_side(np.resize(mine_left, (rows.size, *mine_left.shape[1:])), given.values.shape[1])
+            found = np.asarray(memory_of(*at, r, given)).T[: mine.size]
         else:
-            found = _uneven_memories(np.asarray(parts)[..., : mine.size], bucket, chosen[some[mine]])
+            found = _uneven_memories(np.asarray(columns(*at, given)), mine_left, bucket, chosen[some[mine]])
         memory[some[mine]] = np.where(correlated[some[mine]], found, 0.0)
     return np.where(np.isfinite(memory), memory, 0.0)
 
 
-def _uneven_memories(parts: np.ndarray, bucket: Bucket, chosen: np.ndarray) -> np.ndarray:
+def _uneven_memories(parts: np.ndarray, left: np.ndarray, bucket: Bucket, chosen: np.ndarray) -> np.ndarray:
     """The same of uneven records, one by one."""
     assert bucket.elapsed is not None
     found = np.zeros((chosen.size, 2))
@@ -176,8 +180,7 @@ def _uneven_memories(parts: np.ndarray, bucket: Bucket, chosen: np.ndarray) -> n
         count = int(bucket.counts[j])
         steps = steps_between(bucket.elapsed[j, :count])
         for c in range(2):
-            rows = parts[c, :, :count, k]
-            found[k, c] = estimate_memory(rows[9], rows[:9].T, steps)
+            found[k, c] = estimate_memory(left[k, c, :count], parts[c, :, :count, k].T, steps)
     return found
 
 
@@ -191,19 +194,23 @@ def _over_steps(bucket: Bucket, j: Any, phi: Any) -> np.ndarray:
     return memory
 
 
-def _coherent(bucket: Bucket, chosen: np.ndarray, left: np.ndarray, memory: np.ndarray) -> np.ndarray:
+def _coherent(bucket: Bucket, chosen: np.ndarray, left: Left, memory: np.ndarray) -> np.ndarray:
     """(chosen, 2) whether what is left moves as no noise does, once its memory is taken out."""
     found = np.zeros((chosen.size, 2), bool)
     for count, mine in _alike(bucket.counts[chosen]):
-        fresh = left[mine][..., :count]
-        for k, c in zip(*np.nonzero(memory[mine]), strict=True):
-            fresh[k, c] = whiten(fresh[k, c], _over_steps(bucket, chosen[mine[k]], memory[mine[k], c])[:count])
+        fresh = left.residual[mine][..., :count]
+        early, whole = left.halves[mine, 0], left.halves[mine, 1]
+        some = np.flatnonzero(memory[mine].any(axis=1))
+        if some.size:
+            fresh[some] = _whitened(bucket, chosen[mine[some]], fresh[some], memory[mine[some]])
+            root = np.sqrt(np.abs(fresh[some]))
+            early[some], whole[some] = root[..., : count // 2].sum(axis=-1), root.sum(axis=-1)
+        with np.errstate(all="ignore"):
+            # ranks cost a sort: they are asked where the mean sizes of the halves differ at all; roots bear outliers
+            spread = np.sqrt(np.maximum(np.abs(fresh).mean(axis=-1) - (whole / count) ** 2, 0.0))
+            differ = np.abs(2 * early - whole) > UNEVEN_SIZES * spread * np.sqrt(count)
         with np.errstate(all="ignore"):
             peak = peak_chance(fresh)
-            # ranks cost a sort: they are asked where the mean sizes of the halves differ at all; roots bear outliers
-            size = np.sqrt(np.abs(fresh))
-            halves = size[..., : count // 2].mean(axis=-1) - size[..., count // 2 :].mean(axis=-1)
-            differ = np.abs(halves) > UNEVEN_SIZES * size.std(axis=-1) * 2 / np.sqrt(count)
         envelope = np.ones(peak.shape)
         for k, c in zip(*np.nonzero(differ), strict=True):
             envelope[k, c] = envelope_chance(fresh[k, c])
@@ -211,16 +218,31 @@ def _coherent(bucket: Bucket, chosen: np.ndarray, left: np.ndarray, memory: np.n
     return found
 
 
+def _whitened(bucket: Bucket, chosen: np.ndarray, left: np.ndarray, memory: np.ndarray) -> np.ndarray:
+    """(chosen, 2, count) with the memory taken out, as `noise.whiten`."""
+    if bucket.elapsed is None:
+        phi = memory[..., None]
+        fresh = (left[..., 1:] - phi * left[..., :-1]) / np.sqrt(1 - phi**2)
+        return np.concatenate([left[..., :1], fresh], axis=-1)
+    count, found = left.shape[-1], left.copy()
+    for k, c in zip(*np.nonzero(memory), strict=True):
+        found[k, c] = whiten(left[k, c], _over_steps(bucket, chosen[k], memory[k, c])[:count])
+    return found
+
+
 def _fit_again(run: Any, bucket: Bucket, chosen: np.ndarray, memory: np.ndarray) -> None:
     """The constants and errors of autocorrelated noise, from the minimum of white noise."""
     found, padded = run.found, -(-bucket.values.shape[2] // 16) * 16
-    over = np.array([[_over_steps(bucket, j, phi) for phi in pair] for j, pair in zip(chosen, memory, strict=True)])
+    over = None
+    if bucket.elapsed is not None:
+        over = np.array([[_over_steps(bucket, j, phi) for phi in pair] for j, pair in zip(chosen, memory, strict=True)])
     fixed = run.low == run.high
     for mine, rows, given in _blocks(run, bucket, chosen):
         lanes = np.resize(mine, rows.size)
         box = (np.repeat(end[:, None], rows.size, 1) for end in (run.low, run.high))
         start = found.unknowns[:, rows]
-        moved, stayed = again(start, _side_by_side(over[lanes], padded), *box, given)
+        steps = None if over is None else _side_by_side(over[lanes], padded)
+        moved, stayed = again(start, memory[lanes].T, steps, *box, given)
         moved, stayed = (Again(*(np.asarray(part)[..., : mine.size] for part in one)) for one in (moved, stayed))
         rows = rows[: mine.size]
         inside = np.all(

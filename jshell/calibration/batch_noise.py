@@ -22,7 +22,8 @@ from jaxtyping import Array, Float
 from jshell.calibration.batch_kernel import Block, Shape, projected, shape, tangents
 from jshell.calibration.noise import STRONGEST
 from jshell.signals.lane_search import Look, begin, descend
-from jshell.signals.lanes import centred, cholesky, lanewise, listed, total
+from jshell.signals.lanes import centred, cholesky, lanewise, listed, stage, total
+from jshell.signals.wave_sums import INNER, data_sums, gram, powers
 
 SHARE = (np.sqrt(5) - 1) / 2  # of an interval, in a search by golden section
 SECTIONS = 22  # of the range of φ: to 3e-5
@@ -62,14 +63,61 @@ class Remembering(NamedTuple):
 
     Attributes:
         block: Its data.
-        memory: (channels, times, block) over the step that leads to each sample; 0 at the first.
+        whitened: (channels, times, block) data with the memory taken out.
+        phi: (channels, block).
+        memory: (channels, times, block) over the step that leads to each uneven sample, 0 at the first; else None.
+        ends: (channels, 3, block) the first of `whitened`, their sum and their sum of squares.
         count, power: As in `Block`; the power is that of the whitened data.
     """
 
     block: Block
-    memory: jax.Array
+    whitened: jax.Array
+    phi: jax.Array
+    memory: jax.Array | None
+    ends: jax.Array
     count: jax.Array
     power: jax.Array
+
+
+class Waves(NamedTuple):
+    """The basis of an even record: what leads from a sample to the one before, and closed sums.
+
+    Attributes:
+        rate, cosine, sine: (modes, block) of one step back, e^σ and the turn.
+        first: (8, 1) the basis at the first sample.
+        gram: (8, 8, block) of all samples but the first.
+        sums: (8, block) of the same.
+    """
+
+    grown: jax.Array
+    cosine: jax.Array
+    sine: jax.Array
+    first: jax.Array
+    gram: jax.Array
+    sums: jax.Array
+
+    def earlier(self, x: jax.Array, sign: int = 1) -> jax.Array:
+        """From what is linear in b_k, (8, …), the same of b_(k-1); of b_(k+1) where `sign` is -1."""
+        size = self.grown if sign > 0 else 1 / self.grown
+        turned = []
+        for part in (x[:4], x[4:]):
+            for m in range(2):
+                a, b, c, s = part[2 * m], part[2 * m + 1], size * self.cosine[m], sign * size * self.sine[m]
+                turned += [c * a + s * b, c * b - s * a]
+        waves, late = jnp.stack(turned[:4]), jnp.stack(turned[4:])
+        return jnp.concatenate([waves, late - sign * waves])
+
+
+def waves_of(modes: Shape, data: Block) -> tuple[Waves, jax.Array, jax.Array]:
+    """The basis of an even record; and Re z, Im z (modes, block)."""
+    go = data.count[0] >= 0
+    decay, turn = modes.rate * data.step, modes.damped * data.step
+    G, sums = gram(decay, turn, data.count, go)
+    first = jnp.array([1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0])[:, None]
+    G = G + sums[:, None] * sums[None] / data.count - first[:, None] * first[None]
+    size = jnp.exp(-decay)
+    cosine, sine = jnp.cos(turn), jnp.sin(turn)
+    return Waves(1 / size, cosine, sine, first, G, sums - first), size * cosine, size * sine
 
 
 def basis(modes: Shape, data: Block) -> Float[Array, "9 times block"]:
@@ -99,32 +147,70 @@ def whitened(rows: jax.Array, memory: jax.Array, inside: jax.Array) -> jax.Array
     return inside * (rows - memory * before) / jnp.sqrt(1 - memory**2)
 
 
-def sums_of(
-    b: jax.Array, y: jax.Array, memory: jax.Array, inside: jax.Array
-) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
-    """Of one channel, whitened: Gram matrix and data sums at right angles to the constant, power, offset's share.
+def centred_sums(G: jax.Array, d: jax.Array, power: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
+    """Of nine functions, the constant last: sums at right angles to it, and its share.
+
+    Args:
+        G: (9, 9, block) Gram matrix.
+        d: (9, block) with the data.
+        power: (block,) of the data.
 
     Returns:
         (8, 8, block), (8, block), (block,), and (9, block): what the constant has of the eight and of the data.
     """
-    b, y = whitened(b, memory, inside), whitened(y, memory, inside)
-    G = jnp.stack([jnp.sum(b * one, axis=1) for one in b])
-    d = jnp.sum(b * y, axis=1)
     share = jnp.concatenate([G[8, :8], d[8:]]) / G[8, 8]
     return (
         G[:8, :8] - G[:8, 8, None] * share[None, :8],
         d[:8] - G[:8, 8] * share[8],
-        jnp.sum(y * y, axis=0) - d[8] * share[8],
+        power - d[8] * share[8],
         share,
     )
+
+
+def even_sums(waves: Waves, phi: jax.Array, d: jax.Array, ends: jax.Array, count: jax.Array):
+    """`centred_sums` of one channel of an even record, whitened, from closed sums.
+
+    Args:
+        waves: The basis.
+        phi: (block,) memory.
+        d: (8, block) of the whitened data with the basis, every sample.
+        ends: (3, block) the first of the whitened data, their sum and their sum of squares.
+        count: Samples.
+    """
+    root = jnp.sqrt(1 - phi**2)
+    fresh = lambda x: (x - phi * waves.earlier(x)) / root  # noqa: E731
+    level, first, (start, whole, power) = (1 - phi) / root, waves.first, ends
+    G = fresh(jnp.swapaxes(fresh(waves.gram), 0, 1)) + first[:, None] * first[None]
+    side = level * fresh(waves.sums) + first
+    d = fresh(d - start * first) + start * first
+    corner = level**2 * (count - 1) + 1
+    of_constant = level * (whole - start) + start
+    G = jnp.concatenate([jnp.concatenate([G, side[None]]), jnp.concatenate([side, corner[None]])[:, None]], axis=1)
+    return centred_sums(G, jnp.concatenate([d, of_constant[None]]), power)
+
+
+def uneven_sums(b: jax.Array, y: jax.Array, memory: jax.Array, inside: jax.Array):
+    """The same of an uneven record, sample by sample; `b` (9, times, block) as it is, `y` whitened."""
+    b = whitened(b, memory, inside)
+    G = jnp.stack([jnp.sum(b * one, axis=1) for one in b])
+    return centred_sums(G, jnp.sum(b * y, axis=1), jnp.sum(y * y, axis=0))
 
 
 def look(unknowns: Float[Array, "unknowns block"], data: Remembering) -> Look:
     """As `batch_kernel.look`, of autocorrelated noise; the sums are the offsets (channels, block)."""
     one = data.block
-    modes = shape(unknowns, one)
-    b = basis(modes, one)
-    parts = [sums_of(b, one.values[c], data.memory[c], one.inside) for c in range(2)]
+    go = data.count[0] >= 0
+    modes = stage(lambda u: shape(u, one), go, unknowns)
+    if data.memory is None:
+        waves, real, imag = waves_of(modes, one)
+        d = data_sums(data.whitened, real, imag, go)
+        parts = [
+            stage(lambda w, d, c=c: even_sums(w, data.phi[c], d[c], data.ends[c], data.count), go, waves, d)
+            for c in range(2)
+        ]
+    else:
+        b = basis(modes, one)
+        parts = [uneven_sums(b, data.whitened[c], data.memory[c], one.inside) for c in range(2)]
     G, d = jnp.stack([p[0] for p in parts]), jnp.stack([p[1] for p in parts])
     power = total(one.weight[c] * parts[c][2] for c in range(2))
     at = projected(modes, d, G, power, jnp.zeros((2, data.count.size)), one)
@@ -133,17 +219,41 @@ def look(unknowns: Float[Array, "unknowns block"], data: Remembering) -> Look:
     return at._replace(sums=jnp.stack(offset))
 
 
-def _white(unknowns: jax.Array, data: Block) -> tuple[Shape, jax.Array, Look]:
-    """Modes, basis and look of white noise."""
-    none = jnp.zeros((2, *data.values.shape[1:]))
-    modes = shape(unknowns, data)
-    return modes, basis(modes, data), look(unknowns, Remembering(data, none, data.count, data.power))
+def amplitudes(modes: Shape, state: jax.Array) -> list[jax.Array]:
+    """Cosine and sine of the slow mode, then of the fast one, from ΔV, ΔS and their rates at the first sample."""
+    V, S = modes.shapes
+    determinant = V[0] * S[1] - V[1] * S[0]
+    apart = lambda v, s: ((v * S[1] - s * V[1]) / determinant, (s * V[0] - v * S[0]) / determinant)  # noqa: E731
+    cosine, rate = apart(state[0], state[1]), apart(state[2], state[3])
+    sine = [(rate[m] + modes.rate * cosine[m]) / modes.damped[m] for m in range(2)]
+    return [cosine[0], sine[0], cosine[1], sine[1]]
+
+
+class Left(NamedTuple):
+    """What is left of a block, and the sums that the tests of `noise` ask for; (channels, block) each.
+
+    Attributes:
+        residual: (channels, times, block) model less data, weighted, 0 beyond the record.
+        power: Its sum of squares.
+        mean: Its mean.
+        neighbours: Sum of products of neighbours, the mean taken out.
+        above, changes: Samples above the mean, and changes of sign.
+        halves: (2, channels, block) sums of the root of its size, in the first half and in all.
+    """
+
+    residual: Any
+    power: Any
+    mean: Any
+    neighbours: Any
+    above: Any
+    changes: Any
+    halves: Any
 
 
 @eqx.filter_jit
 @lanewise
-def residual(unknowns: jax.Array, linear: jax.Array, rest: jax.Array, given: Given) -> jax.Array:
-    """(channels, times, block) model less data, weighted, 0 beyond the record.
+def residual(unknowns: jax.Array, linear: jax.Array, rest: jax.Array, given: Given) -> Left:
+    """What is left of every record.
 
     Args:
         unknowns: (4, block).
@@ -151,62 +261,162 @@ def residual(unknowns: jax.Array, linear: jax.Array, rest: jax.Array, given: Giv
         rest: (2, block) V and S at rest.
         given: The records.
     """
-    data = given.block()
-    modes = shape(unknowns, data)
-    b = basis(modes, data)
-    curves = []
-    # of the state at the first sample the factors of each mode: the shapes are of mass one, so that their inverse is
-    # their transpose times the masses; two by two, it is written out
-    V, S = modes.shapes
-    determinant = V[0] * S[1] - V[1] * S[0]
-    apart = lambda v, s: ((v * S[1] - s * V[1]) / determinant, (s * V[0] - v * S[0]) / determinant)  # noqa: E731
-    cosine, rate = apart(linear[0], linear[1]), apart(linear[2], linear[3])
-    sine = [(rate[m] + modes.rate * cosine[m]) / modes.damped[m] for m in range(2)]
-    for c in range(2):
-        curve = total(modes.shapes[c, m] * (cosine[m] * b[2 * m] + sine[m] * b[2 * m + 1]) for m in range(2))
-        level = (data.mean[c] - rest[c]) * data.inside
-        curves.append(jnp.sqrt(data.weight[c]) * (curve - level - data.values[c]))
-    return jnp.stack(curves)
+    size, count = given.values.shape[1], given.count
+    inside = (jnp.arange(size)[:, None] < count).astype(float)
+    values = jnp.where(inside > 0, given.values, 0.0)
+    plain = Block(
+        values, rest, count, count, given.step, given.weight, given.gas, given.wall, given.volume, given.elapsed, inside
+    )
+    go = count[0] >= 0
+    modes = stage(lambda u: shape(u, plain), go, unknowns)
+
+    def left(modes):
+        C, P = amplitudes(modes, linear), jnp.repeat(modes.shapes, 2, axis=1)
+        if given.elapsed is None:
+            curve = jnp.stack(
+                [_motion([P[c, i] * C[i] for i in range(4)], modes, given.step, go, size) for c in (0, 1)]
+            )
+        else:
+            b = basis(modes, plain)
+            curve = jnp.stack([total(P[c, i] * C[i] * b[i] for i in range(4)) for c in range(2)])
+        return jnp.sqrt(given.weight)[:, None] * inside * (curve + rest[:, None] - values)
+
+    r = stage(left, go, modes)
+    mean = stage(lambda r: jnp.sum(r, axis=1) / count, go, r)
+    e = stage(lambda r, mean: jnp.where(jnp.arange(size)[:, None] < count, r - mean[:, None], 0.0), go, r, mean)
+    root = stage(lambda r: jnp.sqrt(jnp.abs(r)), go, r)
+
+    def sums(r, e, root):
+        after = jnp.arange(1, size)[:, None] < count
+        change = ((e[:, 1:] > 0) != (e[:, :-1] > 0)) & after
+        early = jnp.arange(size)[:, None] < jnp.floor(count / 2)
+        halves = jnp.stack([jnp.sum(jnp.where(early, root, 0.0), axis=1), jnp.sum(root, axis=1)])
+        neighbours = jnp.sum(e[:, 1:] * e[:, :-1], axis=1)
+        number = lambda mark: jnp.sum(jnp.where(mark, 1.0, 0.0), axis=1)  # noqa: E731
+        return jnp.sum(r * r, axis=1), neighbours, number(e > 0), number(change), halves
+
+    power, neighbours, above, changes, halves = stage(sums, go, r, e, root)
+    return Left(r, power, mean, neighbours, above, changes, halves)
+
+
+def _motion(C: list[jax.Array], modes: Shape, step: jax.Array, go: jax.Array, size: int) -> jax.Array:
+    """(times, block) of one channel at even samples: every sixteenth by doubling, those between from it in one pass."""
+    decay, turn = modes.rate * step, modes.damped * step
+    fade = jnp.exp(-decay)
+    groups = size // INNER
+    real, imag, lengths = stage(lambda x, y: powers(x, y, groups), go, fade * jnp.cos(turn), fade * jnp.sin(turn))
+
+    def starts(C, lengths):
+        # c1 Re z^t + c2 Im z^t = Re((c1 - i c2) z^t)
+        a, b = jnp.stack([C[0], C[2]])[None], -jnp.stack([C[1], C[3]])[None]
+        for x, y in lengths:
+            a, b = jnp.concatenate([a, a * x - b * y]), jnp.concatenate([b, a * y + b * x])
+        return a[:groups, None], b[:groups, None]
+
+    a, b = stage(starts, go, C, lengths)
+    return total(a[:, :, m] * real[None, :, m] - b[:, :, m] * imag[None, :, m] for m in range(2)).reshape(size, -1)
 
 
 @eqx.filter_jit
 @lanewise
-def columns(unknowns: jax.Array, free: jax.Array, given: Given) -> jax.Array:
-    """(channels, 10, times, block) columns of the Jacobian, weighted, then the residual, at the minimum of white noise.
+def columns(unknowns: jax.Array, state: jax.Array, free: jax.Array, given: Given) -> jax.Array:
+    """(channels, 9, times, block) columns of the Jacobian at the minimum of white noise, weighted.
 
     Args:
         unknowns: (4, block).
+        state: (4, block) ΔV, ΔS and their rates at the first sample.
         free: (4,) 1 for a constant whose column is wanted, else 0.
         given: The records.
     """
     data = given.block()
-    modes, b, at = _white(unknowns, data)
-    X, P = tangents(list(at.linear), modes, data.step), jnp.repeat(modes.shapes, 2, axis=1)
-    found = []
+    modes = shape(unknowns, data)
+    b, X = basis(modes, data), tangents(amplitudes(modes, state), modes, data.step)
+    P, found = jnp.repeat(modes.shapes, 2, axis=1), []
     for c in range(2):
-        root = jnp.sqrt(data.weight[c])
-        curve = total(P[c, i] * at.linear[i] * b[i] for i in range(4)) + at.sums[c] * b[8]
         rows = [free[u] * total(X[c, u, j] * b[j] for j in range(8)) for u in range(4)]
-        rows += [P[c, i] * b[i] for i in range(4)] + [b[8], curve - data.values[c]]
-        found.append(root * jnp.stack(rows))
+        rows += [P[c, i] * b[i] for i in range(4)] + [b[8]]
+        found.append(jnp.sqrt(data.weight[c]) * jnp.stack(rows))
     return jnp.stack(found)
+
+
+def products(waves: Waves, r: jax.Array, d: jax.Array, count: jax.Array, last: jax.Array) -> list[jax.Array]:
+    """Of basis, constant and residual, each (10, 10, block): the first sample's product; the products of every later
+    sample with itself, of it with the one before (both ways added), and of the one before with itself.
+
+    Args:
+        waves: The basis.
+        r: (times, block) residual, 0 beyond the record.
+        d: (8, block) of the residual with the basis.
+        count: Samples.
+        last: (8, block) the basis at the last sample.
+    """
+    whole, first, start = jnp.sum(r, axis=0), waves.first * jnp.ones_like(count), r[0]
+    end = jnp.sum(jnp.where(jnp.arange(r.shape[0])[:, None] == count - 1, r, 0.0), axis=0)
+    power, neighbours = jnp.sum(r * r, axis=0), jnp.sum(r[1:] * r[:-1], axis=0)
+    back, on = waves.earlier, lambda x: waves.earlier(x, -1)
+    G, sums = waves.gram, waves.sums
+    with_late, with_early = d - start * first, d - end * last
+    turned = back(G)  # Σ b_(k-1) b_k
+
+    def matrix(block, constant, residual, corner, between, square):
+        top = jnp.concatenate([block, constant[:, None], residual[:, None]], axis=1)
+        middle = jnp.concatenate([constant, corner[None], between[None]])
+        bottom = jnp.concatenate([residual, between[None], square[None]])
+        return jnp.concatenate([top, middle[None], bottom[None]])
+
+    n, one = count - 1, jnp.ones_like(count)
+    return [
+        matrix(first[:, None] * first[None], first, start * first, one, start, start**2),
+        matrix(G, sums, with_late, n, whole - start, power - start**2),
+        matrix(
+            turned + jnp.swapaxes(turned, 0, 1), sums + back(sums), on(with_early) + back(with_late), 2 * n,
+            2 * whole - start - end, 2 * neighbours,
+        ),
+        matrix(back(jnp.swapaxes(turned, 0, 1)), back(sums), with_early, n, whole - end, power - end**2),
+    ]  # fmt: skip
 
 
 @eqx.filter_jit
 @lanewise
-def memory_of(rows: jax.Array, free: jax.Array, count: jax.Array) -> jax.Array:
-    """(channels, block) φ of greatest restricted likelihood of evenly sampled records, from `columns`."""
-    x = jnp.concatenate([rows[0], rows[1]], axis=-1)  # both channels side by side, as lanes of their own
-    count = jnp.concatenate([count, count])
-    before, after, first = x[:, :-1], x[:, 1:], x[:, 0]
-    # beyond a record's end its columns are 0, but its last sample is somebody's neighbour there: it is taken out
-    before = before * (jnp.arange(1, x.shape[1])[:, None] < count)
-    product = lambda a, b: jnp.stack([jnp.sum(a * one, axis=1) for one in b])  # noqa: E731
-    late, early, cross = product(after, after), product(before, before), product(after, before)
-    start = first[:, None] * first[None]
-    size = jnp.sqrt(jnp.maximum(jnp.einsum("iib->ib", start + late), 1e-300))
-    unit = size[:, None] * size[None]
-    start, late, cross, early = (part / unit for part in (start, late, cross + jnp.swapaxes(cross, 0, 1), early))
+def memory_of(unknowns: jax.Array, state: jax.Array, free: jax.Array, r: jax.Array, given: Given) -> jax.Array:
+    """(channels, block) φ of greatest restricted likelihood of evenly sampled records.
+
+    Args:
+        unknowns, state, free: As in `columns`.
+        r: (channels, times, block) residual, from `residual`.
+        given: The records.
+    """
+    data = given.block()
+    go = data.count[0] >= 0
+    modes = stage(lambda u: shape(u, data), go, unknowns)
+    waves, real, imag = waves_of(modes, data)
+    d = data_sums(r, real, imag, data.count[0] >= 0)
+    ends = data.count - 1
+    size, angle = jnp.exp(-modes.rate * data.step * ends), modes.damped * data.step * ends
+    last = jnp.stack([size * wave(angle[m]) for m in range(2) for wave in (jnp.cos, jnp.sin)])
+    last = jnp.concatenate([last, ends * last])
+    X = stage(lambda modes: tangents(amplitudes(modes, state), modes, data.step), go, modes)
+    P = jnp.repeat(modes.shapes, 2, axis=1)
+
+    def of_columns(M, c):
+        """Of (J, r) from those of (b, 1, r)."""
+
+        def rows(M):
+            moved = [free[u] * total(X[c, u, j] * M[j] for j in range(8)) for u in range(4)]
+            return jnp.stack([*moved, *(P[c, i] * M[i] for i in range(4)), M[8], M[9]])
+
+        return rows(jnp.swapaxes(rows(M), 0, 1))
+
+    each = []
+    for c in range(2):
+        parts = stage(lambda w, r, d, c=c: products(w, r[c], d[c], data.count, last), go, waves, r, d)
+        each.append([stage(lambda M, c=c: of_columns(M, c), go, M) for M in parts])
+    # both channels side by side, as lanes of their own
+    start, late, cross, early = (jnp.concatenate(pair, axis=-1) for pair in zip(*each, strict=True))
+    count = jnp.concatenate([data.count, data.count])
+    length = jnp.sqrt(jnp.maximum(jnp.einsum("iib->ib", start + late), 1e-300))
+    unit = length[:, None] * length[None]
+    start, late, cross, early = (part / unit for part in (start, late, cross, early))
     used = 5.0 + jnp.sum(free)
 
     def cost(phi):
@@ -249,20 +459,28 @@ class Again(NamedTuple):
 
 @eqx.filter_jit
 @lanewise
-def again(start: jax.Array, memory: jax.Array, low: jax.Array, high: jax.Array, given: Given) -> tuple[Again, Again]:
+def again(
+    start: jax.Array, phi: jax.Array, memory: jax.Array | None, low: jax.Array, high: jax.Array, given: Given
+) -> tuple[Again, Again]:
     """The fits again with the memory of the noise, and what they were where they began.
 
     Args:
         start: (4, block) the minimum of white noise.
-        memory: (channels, times, block).
+        phi: (channels, block).
+        memory: (channels, times, block) over the step to each sample of uneven records, else None.
         low, high: (4, block) bounds.
         given: The records.
     """
     block = given.block()
-    power = [
-        block.weight[c] * jnp.sum(whitened(block.values[c], memory[c], block.inside) ** 2, axis=0) for c in range(2)
-    ]
-    data = Remembering(block, memory, block.count, power[0] + power[1])
+    over = memory
+    if over is None:
+        later = jnp.arange(block.values.shape[1])[:, None] > 0
+        over = jnp.where(later, phi[:, None], 0.0)
+    go = block.count[0] >= 0
+    y = stage(lambda y, m: jnp.stack([whitened(y[c], m[c], block.inside) for c in range(2)]), go, block.values, over)
+    ends = stage(lambda y: jnp.stack([y[:, 0], jnp.sum(y, axis=1), jnp.sum(y * y, axis=1)], axis=1), go, y)
+    power = total(block.weight[c] * ends[c, 2] for c in range(2))
+    data = Remembering(block, y, phi, memory, ends, block.count, power)
     first = begin(start, data, look)
     return _read(descend(first, data, low, high, look), block), _read(first, block)
 

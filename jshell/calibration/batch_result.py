@@ -3,7 +3,7 @@
 Symbols    α1, α2, k_VS, β1 constants [-]   τ decay time   ω-, ω+ pulsations   χ² sum of squared weighted residuals
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -42,9 +42,9 @@ class BatchResult:
         steps: (rows,) steps of the search.
         tried: (rows,) starts.
         agreeing: (rows,) those of them that ended in the best minimum.
-        memory: (rows, 2) φ of the noise of V and S from sample to sample; 0 where it passes as white.
         free_directions: (row, words) for every rank-deficient row.
         absolute: Errors come from given σ; else they are scaled by the reduced χ².
+        memory: (rows, 2) φ of the noise of V and S from sample to sample; 0 where it passes as white.
     """
 
     values: np.ndarray
@@ -61,9 +61,13 @@ class BatchResult:
     steps: np.ndarray
     tried: np.ndarray
     agreeing: np.ndarray
-    memory: np.ndarray
     free_directions: tuple[tuple[int, str], ...]
     absolute: bool
+    memory: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
+
+    def __post_init__(self) -> None:
+        if len(self.memory) != len(self.outcome):  # of a file that does not say
+            object.__setattr__(self, "memory", np.zeros((len(self.outcome), 2)))
 
     @readable
     def __repr__(self) -> str:
@@ -174,7 +178,7 @@ def read(run, fixed: np.ndarray) -> BatchResult:
         none = np.zeros(rows, int)
         return BatchResult(
             blank(5), blank(5), blank(5, 5), blank(2), blank(6), blank(2), outcome, blank(), none, none > 0, blank(4),
-            none, none, none, np.zeros((rows, 2)), (), run.absolute,
+            none, none, none, (), run.absolute,
         )  # fmt: skip
     u = found.unknowns
     usable = ~run.unusable & run.buckled
@@ -240,9 +244,8 @@ def read(run, fixed: np.ndarray) -> BatchResult:
     start = np.stack([np.exp(found.start[0]), np.exp(found.start[1]), found.start[2], np.exp(-found.start[3])], axis=1)
     return BatchResult(
         values, hide(stderr), hide(covariance), hide(found.omega.T), hide(found.state.T), hide(found.rest.T), outcome,
-        hide(found.cost), 2 * run.counts, misfit, hide(start), found.steps, run.tried, run.agreeing, run.studied.memory,
-        tuple(directions),
-        run.absolute,
+        hide(found.cost), 2 * run.counts, misfit, hide(start), found.steps, run.tried, run.agreeing, tuple(directions),
+        run.absolute, run.studied.memory,
     )  # fmt: skip
 
 

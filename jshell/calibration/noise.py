@@ -100,15 +100,17 @@ def lag_one(left: np.ndarray) -> tuple[Any, Any]:
 
 
 def runs(left: np.ndarray) -> Any:
-    """Number of runs of one sign along the last axis, in standard errors from that of white noise."""
-    sign = left > np.median(left, axis=-1, keepdims=True)
-    total = left.shape[-1]
-    above = sign.sum(axis=-1)
+    """Number of runs on one side of the mean along the last axis, in standard errors from that of white noise."""
+    sign = left > left.mean(axis=-1, keepdims=True)
+    return runs_from(sign.sum(axis=-1), np.sum(sign[..., 1:] != sign[..., :-1], axis=-1), left.shape[-1])
+
+
+def runs_from(above: Any, changes: Any, total: Any) -> Any:
+    """The same from the number of samples above the mean, of changes of side, and of all."""
     below = total - above
-    found = 1 + np.sum(sign[..., 1:] != sign[..., :-1], axis=-1)
     mean = 1 + 2 * above * below / total
     variance = (mean - 1) * (mean - 2) / (total - 1)
-    return np.where(np.minimum(above, below) < 2, 0.0, (found - mean) / np.sqrt(np.maximum(variance, 1e-12)))[()]
+    return np.where(np.minimum(above, below) < 2, 0.0, (1 + changes - mean) / np.sqrt(np.maximum(variance, 1e-12)))[()]
 
 
 def peak_chance(left: np.ndarray) -> Any:

@@ -75,6 +75,7 @@ def test_a_fit_that_did_not_come_to_rest_determines_nothing(trace, monkeypatch, 
     assert checked(found) == {one.name for one in (*found.estimates, *found.derived)} - fixed
 
 
+@pytest.mark.slow
 def test_a_tie_to_what_is_undetermined_is_undetermined(trace):
     found = fit_trajectories(trace, channels=("V",), tie={"k_vs": "0.05*alpha1*alpha2"}, starts=0)
     if found.outcome == Outcome.RANK_DEFICIENT:
