@@ -13,6 +13,7 @@ from jshell.calibration.misfit import HEARD, mode_powers
 from jshell.calibration.noise import Noise
 from jshell.calibration.parameters import Unknowns
 from jshell.calibration.robust import Robust
+from jshell.calibration.sampling import sampling
 from jshell.calibration.uncertainty import in_words
 from jshell.errors import Outcome
 from jshell.trace import Trace
@@ -110,3 +111,16 @@ def method_notes(
         light = sum(int(np.sum(weights < 0.5)) for weights in robust.weights)
         notes.append(f"robust loss {robust.kind}: {light} samples count less than half; χ² counts all in full")
     return notes
+
+
+def sampling_notes(cut: list[Trace], absolute: bool) -> list[str]:
+    """How traces are sampled that are no even grid as they stand; alike ones once."""
+    found: dict[str, list[str]] = {}
+    for number, trace in enumerate(cut, 1):
+        taken = sampling(np.asarray(trace.times, dtype=float))
+        words = taken.words()
+        if not (taken.even or absolute):
+            words += "; sixth differences are divided ones, of samples without a gap between them"
+        if words:
+            found.setdefault(words, []).append(str(number))
+    return [f"trace {', '.join(numbers)}: {words}" for words, numbers in found.items()]

@@ -19,9 +19,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from jshell.calibration import batch_diffrax
+from jshell.calibration.batch_examine import nothing_studied, remember, study
 from jshell.calibration.batch_kernel import BlockInput, LaneResult, solve_blocks
 from jshell.calibration.batch_result import BatchResult, read
-from jshell.calibration.noise import MISFIT
+from jshell.calibration.options import choices_of
 from jshell.calibration.recordings import Bucket, Recordings, bucketed, rest_states, stacked
 from jshell.calibration.records import EQUILIBRIA
 from jshell.calibration.starts import find_modes, strict_start
@@ -50,6 +51,7 @@ def fit_batch(
     bounds: Mapping[str, tuple[float, float]] | None = None,
     starts: int = 0,
     seed: int = 0,
+    noise: str = "auto",
     progress: Progress | None = None,
 ) -> BatchResult:
     """Fit the short model to each of many traces by itself.
@@ -64,6 +66,8 @@ def fit_batch(
         starts: Random starts of every record beside the one from its spectrum; `tried` and `agreeing` of the result
             say where they ended.
         seed: Of the random starts.
+        noise: `auto` tests what is left of every record and takes its noise as autocorrelated where it is, as
+            `fit_trajectories` does; `white` does not.
         progress: Called with records done and records in all.
 
     Returns:
@@ -81,7 +85,11 @@ def fit_batch(
         >>> [outcome.word for outcome in found.outcomes]
         ['ok', 'ok', 'ok']
     """
-    for place, value, known in (("solver", solver, SOLVERS), ("equilibrium", equilibrium, EQUILIBRIA)):
+    for place, value, known in (
+        ("solver", solver, SOLVERS),
+        ("equilibrium", equilibrium, EQUILIBRIA),
+        ("noise", noise, tuple(choices_of("noise"))),
+    ):
         if value not in known:
             raise BadName(
                 f"{place} {value!r}", found="no such choice", expected=" or ".join(known), remedy="Choose one."
@@ -92,7 +100,11 @@ def fit_batch(
     low, high, fixed = _limits(fix or {}, bounds or {})
     run = _Batch(records, equilibrium, low, high, solver, progress)
     run.fit_all()
-    run.try_again(starts, np.random.default_rng(seed))
+    run.study(run.usable, ~fixed, noise)
+    again = run.try_again(starts, np.random.default_rng(seed))
+    run.study(again, ~fixed, noise)
+    if run.found is not None:
+        remember(run)
     with np.errstate(all="ignore"):  # rows that failed hold anything; they are hidden there
         return read(run, fixed)
 
@@ -132,6 +144,7 @@ class _Batch:
         self.tried, self.agreeing = np.ones(self.rows, int), np.ones(self.rows, int)
         self.counts = np.zeros(self.rows, int)
         self.ends: dict[int, list[float]] = {}
+        self.studied = nothing_studied(self.rows)
         self.found: LaneResult | None = None
         self.done = 0
 
@@ -198,6 +211,7 @@ class _Batch:
                 numbers[6],
                 elapsed=side_by_side(bucket.elapsed) if uneven else None,
                 uneven=side_by_side(bucket.values) if uneven else None,
+                noise=None if bucket.noise is None else np.swapaxes(bucket.noise[lanes], 1, 2),
             )
             first = np.swapaxes(
                 np.resize(starts[:, at : at + mine.size].T, (together * size, 4)).reshape(together, size, 4), 1, 2
@@ -216,21 +230,31 @@ class _Batch:
     def _box(self, size: int) -> tuple[np.ndarray, np.ndarray]:
         return np.repeat(self.low[:, None], size, 1), np.repeat(self.high[:, None], size, 1)
 
-    def reduced(self) -> np.ndarray:
-        """Reduced χ² of every record."""
-        assert self.found is not None
-        with np.errstate(all="ignore"):
-            return self.found.cost / np.maximum(2 * self.counts - 10, 1)
+    @property
+    def usable(self) -> np.ndarray:
+        """(rows,) records that can be fitted."""
+        return ~self.unusable & self.buckled
 
-    def try_again(self, count: int, random: np.random.Generator) -> None:
-        """Random starts where asked for; several for records that ended badly or leave more than their noise."""
+    def study(self, which: np.ndarray, free: np.ndarray, noise: str) -> None:
+        """Test what is left of some records."""
+        if self.found is not None:
+            finite = np.isfinite(self.found.cost) & np.all(np.isfinite(self.found.unknowns), axis=0)
+            study(self, which & finite, free, white=noise == "white")
+
+    def try_again(self, count: int, random: np.random.Generator) -> np.ndarray:
+        """Random starts where asked for; several for records that ended badly or leave more than their noise.
+
+        Returns:
+            (rows,) those that were tried.
+        """
+        tried = np.zeros(self.rows, bool)
         if self.found is None:
-            return
-        usable = ~self.unusable & self.buckled
+            return tried
+        usable = self.usable
         for care in (False, True):
-            bad = usable & ((self.found.status != CONVERGED) | ~(self.reduced() < MISFIT**2))
+            bad = usable & ((self.found.status != CONVERGED) | self.studied.misfit)
             if care and not 0 < bad.sum() <= HOPELESS:
-                return
+                break
             for bucket in self.buckets:
                 places, starts = [], []
                 for j in np.flatnonzero(usable[bucket.rows] & (bad[bucket.rows] | (count > 0 and not care))):
@@ -239,7 +263,10 @@ class _Batch:
                     places += [j] * len(rows)
                     starts += rows
                 if places:
+                    tried[bucket.rows[np.unique(places)]] = True
                     self._keep_best(bucket, np.array(places), self.lanes(bucket, np.array(places), np.array(starts).T))
+
+        return tried
 
     def _starts(
         self, bucket: Bucket, j: Any, row: Any, count: int, random: np.random.Generator, care: bool

@@ -122,7 +122,6 @@ def look(unknowns: Float[Array, "unknowns block"], data: Block) -> Look:
         data: The traces.
     """
     go = data.count[0] >= 0
-    w = data.weight
 
     def rates(unknowns):
         modes = shape(unknowns, data)
@@ -140,19 +139,37 @@ def look(unknowns: Float[Array, "unknowns block"], data: Block) -> Look:
     else:
         d, G, sums = uneven_sums(data.values, data.elapsed / data.step, data.inside, decay, turn, data.count, go)
 
+    return projected(modes, d, G, data.power, sums, data)
+
+
+def projected(modes: Shape, d: jax.Array, G: jax.Array, power: jax.Array, sums: jax.Array, data: Block) -> Look:
+    """Cost, gradient and normal matrix from the sums over a record.
+
+    Args:
+        modes: At the unknowns.
+        d: (channels, 8, block) of the data with the basis.
+        G: (8, 8, block) of the basis with itself; or (channels, 8, 8, block) where it is weighed otherwise in each.
+        power: Weighted sum of squares of the data.
+        sums: Of the basis; passed on.
+        data: The traces.
+    """
+    go, w = data.count[0] >= 0, data.weight
+    each = G if G.ndim == 4 else G[None]
+
     def linear(G, d, shapes):
         P = jnp.repeat(shapes, 2, axis=1)  # (channels, 4, block): shape of the mode behind each basis function
-        W = total(w[c] * P[c][:, None] * P[c][None, :] for c in range(2)) * G[:4, :4]
+        squares = [w[c] * P[c][:, None] * P[c][None, :] for c in range(2)]
+        W = total(squares) * G[:4, :4] if G.ndim == 3 else total(squares[c] * G[c, :4, :4] for c in range(2))
         return P, W, total(w[c] * P[c] * d[c, :4] for c in range(2))
 
     P, N, right = stage(linear, go, G, d, modes.shapes)
     L = cholesky(listed(N), go)
     half = forward(L, [right[i] for i in range(4)], go)
     C = backward(L, half, go)
-    cost = data.power - total(x * x for x in half)
+    cost = power - total(x * x for x in half)
 
-    X = stage(lambda C, modes: _tangents(C, modes, data.step), go, C, modes)
-    GX = stage(lambda G, X: total(X[:, :, j, None] * G[j] for j in range(8)), go, G, X)
+    X = stage(lambda C, modes: tangents(C, modes, data.step), go, C, modes)
+    GX = stage(lambda G, X: total(X[:, :, j, None] * G[:, None, j] for j in range(8)), go, each, X)
     mixed = stage(lambda GX, P: total(w[c] * GX[c, :, :4] * P[c] for c in range(2)), go, GX, P)  # (unknowns, 4, block)
     U = forward(L, [mixed[:, j] for j in range(4)], go)
 
@@ -167,7 +184,7 @@ def look(unknowns: Float[Array, "unknowns block"], data: Block) -> Look:
     return Look(cost, gradient, normal, best, sums)
 
 
-def _tangents(C: list[jax.Array], modes: Shape, step: jax.Array) -> Float[Array, "channels unknowns 8 block"]:
+def tangents(C: list[jax.Array], modes: Shape, step: jax.Array) -> Float[Array, "channels unknowns 8 block"]:
     """Derivatives of the model by the unknowns, in the basis, at fixed linear parameters."""
     zero = jnp.zeros_like(step)
     decay_slope = [zero, zero, zero, modes.rate * step]
@@ -202,6 +219,7 @@ class BlockInput(eqx.Module):
         area_modulus: K_A.
         elapsed: Times of uneven samples, else None; `values` then is the record brought to even times, for the start.
         uneven: The record itself at those times; with `elapsed`.
+        noise: (channels, block) its own; with `elapsed`.
     """
 
     values: Numbers
@@ -215,6 +233,7 @@ class BlockInput(eqx.Module):
     area_modulus: Numbers
     elapsed: Numbers | None = None
     uneven: Numbers | None = None
+    noise: Numbers | None = None
 
 
 class PreparedBlock(NamedTuple):
@@ -269,7 +288,9 @@ def prepare(raw: BlockInput, cell: int) -> PreparedBlock:
     if raw.elapsed is not None:
         y, mean = stage(centred, go, raw.uneven, raw.count)
         square, _ = stage(spreads, go, y, raw.count)
-        weight = 1 / jnp.where(jnp.isnan(raw.sigma), SMALLEST_NOISE**2 * square, raw.sigma**2)
+        assert raw.noise is not None
+        own = jnp.maximum(raw.noise**2, SMALLEST_NOISE**2 * square)
+        weight = 1 / jnp.where(jnp.isnan(raw.sigma), own, raw.sigma**2)
         power = total(weight[c] * square[c] * raw.count for c in range(2))
         inside = (jnp.arange(y.shape[1])[:, None] < raw.count).astype(float)
         data = Block(y, mean, power, raw.count, raw.step, weight, gas, wall, volume, raw.elapsed, inside)

@@ -3,13 +3,14 @@
 Symbols    α1, α2, k_VS, β1 constants [-]   τ decay time   ω-, ω+ pulsations   χ² sum of squared weighted residuals
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import scipy.special
 
-from jshell.calibration.noise import MISFIT
 from jshell.calibration.uncertainty import in_words
+from jshell.calibration.undetermined import PART
 from jshell.display import ended, number, readable, shown
 from jshell.errors import MissingExtra, Outcome
 from jshell.signals.lane_search import CONVERGED, RUNNING
@@ -36,13 +37,14 @@ class BatchResult:
         outcome: (rows,) integers of `Outcome`.
         chi_square: (rows,) weighted sum of squares.
         n_data: (rows,) numbers read.
-        misfit: (rows,) whether the model leaves clearly more than the noise of an even record without given σ.
+        misfit: (rows,) whether the model leaves clearly more than the noise.
         start: (rows, 4) alpha1, alpha2, k_vs, tau where the search began.
         steps: (rows,) steps of the search.
         tried: (rows,) starts.
         agreeing: (rows,) those of them that ended in the best minimum.
         free_directions: (row, words) for every rank-deficient row.
         absolute: Errors come from given σ; else they are scaled by the reduced χ².
+        memory: (rows, 2) φ of the noise of V and S from sample to sample; 0 where it passes as white.
     """
 
     values: np.ndarray
@@ -61,6 +63,11 @@ class BatchResult:
     agreeing: np.ndarray
     free_directions: tuple[tuple[int, str], ...]
     absolute: bool
+    memory: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
+
+    def __post_init__(self) -> None:
+        if len(self.memory) != len(self.outcome):  # of a file that does not say
+            object.__setattr__(self, "memory", np.zeros((len(self.outcome), 2)))
 
     @readable
     def __repr__(self) -> str:
@@ -89,6 +96,13 @@ class BatchResult:
     def error_of(self, name: str) -> np.ndarray:
         """A parameter's (rows,) standard errors."""
         return self.stderr[:, PARAMETERS.index(name)]
+
+    def interval(self, name: str, level: float | int = 0.95) -> tuple[np.ndarray, np.ndarray]:
+        """A parameter's (rows,) intervals, as `FitResult.interval` gives them: value ± error times Student's factor."""
+        free = np.sum(self.stderr[:, :4] > 0, axis=1)
+        worth = np.sum(self.n_data[:, None] / 2 * (1 - self.memory) / (1 + self.memory), axis=1)
+        factor = scipy.special.stdtrit(np.maximum(worth - 6 - free, 4.0), (1 + level) / 2)
+        return self[name] - factor * self.error_of(name), self[name] + factor * self.error_of(name)
 
     def columns(self) -> dict[str, np.ndarray]:
         """Every number by name, (rows,) each; for CSV and data frames."""
@@ -138,6 +152,9 @@ class BatchResult:
         if again.any():
             agree = int(np.sum(self.agreeing[again] == self.tried[again]))
             lines.append(f"    tried again       {int(again.sum()):6}: every start agrees for {agree}")
+        remember = int(np.sum(self.memory.max(axis=1, initial=0.0) > 0))
+        if remember:
+            lines.append(f"    autocorrelated    {remember:6}: noise with a memory, allowed for")
         for name in PARAMETERS:
             good = self[name][self.ok & np.isfinite(self[name])]
             if good.size:
@@ -181,10 +198,12 @@ def read(run, fixed: np.ndarray) -> BatchResult:
         wet = run.viscosity > 0
         beta1 = np.where(wet, np.exp(u[0]) / (2 * tau * np.where(wet, run.viscosity, 1.0)), np.nan)
         values[finite] = np.stack([np.exp(u[0]), np.exp(u[1]), u[2], tau, beta1], axis=1)[finite]
-        reduced = found.cost / np.maximum(2 * run.counts - 6 - free.sum(), 1)
     normal = np.moveaxis(found.normal, -1, 0)[:, free][:, :, free]
     inverse, deficient = _inverse(np.where(finite[:, None, None], normal, np.eye(int(free.sum()))))
-    scale = np.ones(rows) if run.absolute else np.where(finite, reduced, np.nan)
+    # autocorrelated noise scales errors by what its whitened residual leaves
+    whitened = np.where(np.isnan(run.studied.whitened), found.cost, run.studied.whitened)
+    spread = whitened / np.maximum(2 * run.counts - 6 - free.sum(), 1)
+    scale = np.ones(rows) if run.absolute else np.where(finite, spread, np.nan)
 
     # (natural parameters, unknowns): d(alpha1, alpha2, k, tau, beta1)/d(log alpha1, log alpha2, k, log rate)
     slope = np.zeros((rows, 5, 4))
@@ -212,18 +231,21 @@ def read(run, fixed: np.ndarray) -> BatchResult:
         words = in_words(direction / np.linalg.norm(direction), names)
         directions.append((int(row), f"{words} changes nothing in this record: fix one of them"))
         stderr[row], covariance[row] = np.nan, np.nan
-    even = np.zeros(rows, bool)
-    for bucket in run.buckets:
-        even[bucket.rows] = bucket.elapsed is None
-    with np.errstate(all="ignore"):
-        misfit = finite & (reduced > MISFIT**2) & (even | run.absolute)
-    lost = ~finite
+        # what the direction moves is undetermined, and what follows from it; the rest stays
+        moved = np.flatnonzero(free)[np.abs(direction) > PART * np.abs(direction).max()]
+        values[row, moved] = np.nan
+        if {0, 3} & set(moved.tolist()):
+            values[row, 4] = np.nan
+    misfit = finite & run.studied.misfit
+    ended_well = np.isin(outcome, [int(one) for one in (Outcome.OK, Outcome.AT_BOUND, Outcome.RANK_DEFICIENT)])
+    lost = ~(finite & ended_well)  # a search that did not come to rest determines nothing
+    values[lost] = np.nan
     hide = lambda x: np.where(lost.reshape(-1, *[1] * (x.ndim - 1)), np.nan, x)  # noqa: E731
     start = np.stack([np.exp(found.start[0]), np.exp(found.start[1]), found.start[2], np.exp(-found.start[3])], axis=1)
     return BatchResult(
         values, hide(stderr), hide(covariance), hide(found.omega.T), hide(found.state.T), hide(found.rest.T), outcome,
         hide(found.cost), 2 * run.counts, misfit, hide(start), found.steps, run.tried, run.agreeing, tuple(directions),
-        run.absolute,
+        run.absolute, run.studied.memory,
     )  # fmt: skip
 
 

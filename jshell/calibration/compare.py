@@ -16,10 +16,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jshell.calibration.data import chosen_channels, filled, noise_of, windowed
+from jshell.calibration.data import chosen_channels, filled, windowed
 from jshell.calibration.noise import MISFIT, Noise, envelope_chance, lag_one, peak_chance, runs
 from jshell.calibration.records import record, rest_state
 from jshell.calibration.report import FitResult, FitWarning
+from jshell.calibration.sampling import noise_of
 from jshell.calibration.trajectories import fit_trajectories
 from jshell.calibration.uncertainty import information
 from jshell.errors import BadName, BadShape, JshellError, Outcome, RangeWarning
@@ -41,7 +42,7 @@ class Row:
         chi_square, count: Weighted misfit, varied parameters.
         aic, bic: Smaller is better.
         left: rms of what is left over rms of the motion, all channels together.
-        over_noise: The same over the noise; None where the noise is not known.
+        over_noise: The same over the noise.
         white: Whether what is left passes the tests of white noise.
         outcome: How the fit ended.
     """
@@ -52,7 +53,7 @@ class Row:
     aic: float
     bic: float
     left: float
-    over_noise: float | None
+    over_noise: float
     white: bool
     outcome: Outcome
 
@@ -81,7 +82,7 @@ class Comparison:
             f"    {'model':12} {'k':>3} {'χ²':>11} {'AIC':>10} {'BIC':>10} {'left':>7} {'/noise':>7}  residual"
         )
         for row in self.rows:
-            noise = "–" if row.over_noise is None else f"{row.over_noise:.2f}"
+            noise = f"{row.over_noise:.2f}"
             tail = ("white" if row.white else "not white") + (
                 "" if row.outcome == Outcome.OK else f", {row.outcome.word}"
             )
@@ -140,7 +141,7 @@ def compare(
         state, _ = rest_state(one, offset, equilibrium, 1)
     ready = record(one, names, state)
     weight, data = np.asarray(ready.weight), np.asarray(ready.data)
-    noise = _noise(one, names, ready.uniform)
+    noise = _noise(one, names)
     rows = [_modes(count, times, data, weight, noise) for count in (1, 2, 3)]
     for model in ("modal", *(("strict",) if loss == "strict" else ())):
         rows.append(_oscillator(model, one, names, equilibrium, data, weight, noise))
@@ -148,26 +149,25 @@ def compare(
     if not found:
         raise BadShape("trace", found="no model that fits it", expected="a ring-down", remedy="Choose another window.")
     found.sort(key=lambda row: row.bic)
-    return Comparison(tuple(found), names, data.size, _verdict(found, noise is not None))
+    return Comparison(tuple(found), names, data.size, _verdict(found))
 
 
-def _noise(trace: Trace, names: tuple[str, ...], uniform: bool) -> np.ndarray | None:
+def _noise(trace: Trace, names: tuple[str, ...]) -> np.ndarray:
     """(channels,) noise: given, or from sixth differences."""
     if all(name in trace.sigma for name in names):
         return np.array([float(np.sqrt(np.mean(np.asarray(trace.sigma[name]) ** 2))) for name in names])
-    if not uniform:
-        return None
-    return np.array([noise_of(np.asarray(trace[name], dtype=float)) for name in names])
+    times = np.asarray(trace.times, dtype=float)
+    return np.array([noise_of(np.asarray(trace[name], dtype=float), times) for name in names])
 
 
 def _row(
-    name: str, r: np.ndarray, count: int, data: np.ndarray, weight: np.ndarray, noise: np.ndarray | None, end: Outcome
+    name: str, r: np.ndarray, count: int, data: np.ndarray, weight: np.ndarray, noise: np.ndarray, end: Outcome
 ) -> Row:
     left = r.reshape(data.shape) / weight
     chi_square, size = float(r @ r), r.size
     aic, bic = information(chi_square, size, count)
     scatter = data.std(axis=1)
-    over = None if noise is None else float(np.sqrt(np.mean(left**2 / np.maximum(noise, 1e-300)[:, None] ** 2)))
+    over = float(np.sqrt(np.mean(left**2 / np.maximum(noise, 1e-300)[:, None] ** 2)))
     tests = [_tested(rows) for rows in left]
     return Row(
         name,
@@ -184,7 +184,8 @@ def _row(
 
 def _tested(left: np.ndarray) -> Noise:
     lag1, z = lag_one(left)
-    return Noise("", left.size, lag1, z, runs(left), 0.0, float(left.size), peak_chance(left), envelope_chance(left))
+    chances = float(peak_chance(left)), envelope_chance(left)
+    return Noise("", left.size, float(lag1), float(z), float(runs(left)), 0.0, float(left.size), *chances)
 
 
 def _oscillator(loss: str, trace: Trace, names: tuple[str, ...], equilibrium: str, data, weight, noise) -> Row | None:
@@ -244,7 +245,7 @@ def _from_each(times: jax.Array, values: jax.Array, damped: jax.Array, tau: jax.
     return jax.vmap(minimum, in_axes=(None, None, None, 0, 0))(times, values, jnp.ones_like(times), damped, tau)
 
 
-def _verdict(rows: list[Row], noise_known: bool) -> str:
+def _verdict(rows: list[Row]) -> str:
     """The comparison in plain words."""
     known = {row.name: row for row in rows}
     waves = [known[name] for name in MODELS[:3] if name in known]
@@ -269,7 +270,7 @@ def _verdict(rows: list[Row], noise_known: bool) -> str:
         rivals = [row for row in rows if row.name != "strict"]
         strict, best = known["strict"], min(rivals, key=lambda row: row.bic, default=None)
         gap = 0.0 if best is None else strict.bic - best.bic
-        if gap < CLEAR and (strict.white or not noise_known or (strict.over_noise or 0) < MISFIT):
+        if gap < CLEAR and (strict.white or strict.over_noise < MISFIT):
             parts.append("the strict oscillator describes V and S")
         else:
             parts.append(

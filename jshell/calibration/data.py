@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from jshell.calibration.agreement import refuse_disagreement
+from jshell.calibration.sampling import noise_of
 from jshell.errors import BadName, BadShape, BadValue
-from jshell.oscillator.simulate import is_uniform
 from jshell.shell.parameters import Reduced
 from jshell.signals import MEASURED, ring_down_start
 from jshell.trace import Trace
@@ -181,23 +181,10 @@ def _refuse_still(values: np.ndarray, name: str, number: int) -> None:
         )
 
 
-def noise_of(values: np.ndarray) -> float:
-    """Scatter of white noise on a smooth, evenly sampled record, from its sixth differences.
-
-    The motion hardly survives six differences where it is sampled ten times a
-    period or more; coarser, this is an upper bound.
-    """
-    differences = np.diff(values, 6)
-    differences = differences[np.isfinite(differences)]
-    if not differences.size:
-        return 0.0
-    return float(np.sqrt(np.mean(differences**2) / 924.0))  # 924 = (12 choose 6)
-
-
-def noise_level(values: np.ndarray, uniform: bool) -> float:
+def noise_level(values: np.ndarray, times: np.ndarray) -> float:
     """σ of a channel from itself, kept above a thousandth of its scatter: cleaner records are all weighed alike."""
     floor = SMALLEST_NOISE * float(values[np.isfinite(values)].std())
-    return max(noise_of(values) if uniform else 0.0, floor, 1e-300)
+    return max(noise_of(values, times), floor, 1e-300)
 
 
 def weighted(trace: Trace, channels: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
@@ -206,7 +193,7 @@ def weighted(trace: Trace, channels: Sequence[str]) -> tuple[np.ndarray, np.ndar
     Weights are 1/σ where it is given, else one over each channel's own noise; 0 where a sample is left out, and so is
     its datum.
     """
-    uniform = is_uniform(np.asarray(trace.times, dtype=float))
+    times = np.asarray(trace.times, dtype=float)
     data = np.stack([np.asarray(trace[name], dtype=float) for name in channels])
     known = np.isfinite(data)
     weight = []
@@ -216,6 +203,6 @@ def weighted(trace: Trace, channels: Sequence[str]) -> tuple[np.ndarray, np.ndar
             if not np.all(sigma > 0):
                 raise BadValue(f"sigma[{name!r}]", found="a value not above 0", expected="σ > 0", remedy="Check it.")
         else:
-            sigma = np.full(values.shape, noise_level(values, uniform))
+            sigma = np.full(values.shape, noise_level(values, times))
         weight.append(np.where(used, 1 / sigma, 0.0))
     return np.where(known, data, 0.0), np.stack(weight)

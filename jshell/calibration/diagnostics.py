@@ -16,6 +16,7 @@ from jshell.calibration.advice import (
     other_minima,
     quiet_modes,
     remedy,
+    sampling_notes,
     sign_of_coupling,
 )
 from jshell.calibration.ar1 import examined, fit_ar1, power
@@ -32,7 +33,23 @@ from jshell.calibration.objective import Objective
 from jshell.calibration.parameters import Unknowns
 from jshell.calibration.report import FitResult
 from jshell.calibration.robust import Robust
-from jshell.calibration.uncertainty import Uncertainty, in_words, loose_directions, propagate, uncertainty
+from jshell.calibration.uncertainty import (
+    NO_SCATTER,
+    Uncertainty,
+    in_words,
+    loose_directions,
+    propagate,
+    share_in_words,
+    uncertainty,
+)
+from jshell.calibration.undetermined import (
+    NO_MINIMUM,
+    RESTLESS,
+    hidden,
+    hide_derived,
+    open_constants,
+    without_open,
+)
 from jshell.errors import Outcome
 from jshell.trace import Trace
 
@@ -91,13 +108,15 @@ def trace_result(
         else robust.variance * float(np.max(robust.scale)) ** 2
     )
     quiet, loud = quiet_modes(joint, found, level, absolute and robust is None, noises)
+    silent: list[np.ndarray] = []
     if not directions:
         for direction, error in loose_directions(covariance, shown[free]):
             directions.append(
-                f"{in_words(direction, varied)} is known to ±{100 * error:.0f}% only: {remedy(problem, cut, quiet)}"
+                f"{in_words(direction, varied)} is known to {share_in_words(error)} only: {remedy(problem, cut, quiet)}"
             )
         if not directions and quiet:
-            for direction in silent_directions(joint, values, space.slopes(values), loud):
+            silent = silent_directions(joint, values, space.slopes(values), loud)
+            for direction in silent:
                 directions.append(
                     f"{in_words(direction, varied)} changes little that is heard: {remedy(problem, cut, quiet)}"
                 )
@@ -114,26 +133,34 @@ def trace_result(
     stretch = space.stretch(shown)
     stretch = np.where(stretch == 0, 1.0, stretch)  # at k_vs = 0, which has no error there
     slopes = space.slopes(values) * stretch[free]  # the covariance is of k_vs, the model's values of its square
-    derived = _derived(joint, values, slopes, covariance)
+    derived, gradient = _derived(joint, values, slopes, covariance)
     if outcome == Outcome.OK and not all(np.isfinite(e.value) for e in derived if e.name.startswith("omega")):
         outcome = Outcome.OUT_OF_RANGE  # the constants found have no slow oscillation at all
+    undetermined = open_constants(varied, shown[free], errors, outcome, silent)
+    null = np.array([*errors.null[:, :count], *silent]).reshape(-1, count)
+    derived = hide_derived(derived, gradient, shown[free], null, outcome)
 
     estimates = []
     tied, begin = {name for name, _ in space.tied}, space.reported(natural[best])
     for i, name in enumerate(names):
         if space.names[i] in tied:
             row = slopes[i] / stretch[i]
-            estimates.append(Estimate(name, float(shown[i]), float(propagate(row[None], covariance)[0]), role="tied"))
+            one = Estimate(name, float(shown[i]), float(propagate(row[None], covariance)[0]), role="tied")
+            lost = [other for other, slope in zip(varied, row, strict=True) if slope != 0 and other in undetermined]
+            estimates.append(hidden(one, f"it follows from {lost[0]}") if lost else one)
         elif i not in free:
             estimates.append(Estimate(name, float(shown[i]), role="fixed"))
         else:
             j = free.index(i)
-            error, reason = float(errors.stderr[j]), errors.reasons[j]
-            estimates.append(Estimate(name, float(shown[i]), error, reason, float(begin[i])))
+            one = Estimate(name, float(shown[i]), float(errors.stderr[j]), errors.reasons[j], float(begin[i]))
+            estimates.append(hidden(one, undetermined[name]) if name in undetermined else one)
     for j, (name, value) in enumerate(zip(linear_names(problem), np.concatenate(found.linear), strict=True), count):
-        estimates.append(Estimate(name, float(value), float(errors.stderr[j]), errors.reasons[j], role="nuisance"))
+        one = Estimate(name, float(value), float(errors.stderr[j]), errors.reasons[j], role="nuisance")
+        lost = NO_MINIMUM if outcome in RESTLESS else one.reason if one.reason != NO_SCATTER else ""
+        estimates.append(hidden(one, lost) if lost else one)
 
     notes += method_notes(problem, joint, absolute, robust, noises)
+    notes += sampling_notes(cut, absolute)
     notes += sign_of_coupling(problem, space, estimates)
     notes += other_minima(ending, space, same)
     if joint.problem.loss == "strict" or any(one.memory for one in noises):
@@ -144,8 +171,8 @@ def trace_result(
         outcome=outcome,
         estimates=tuple(estimates),
         derived=derived,
-        covariance=covariance,
-        correlation=errors.correlation[:count, :count],
+        covariance=without_open(covariance, varied, undetermined),
+        correlation=without_open(errors.correlation[:count, :count], varied, undetermined),
         varied=varied,
         residual=r,
         chi_square=chi_square,
@@ -159,6 +186,7 @@ def trace_result(
         dipole=problem.dipole,
         noise=tuple(noises),
         traces=tuple(cut),
+        minimum=tuple(float(x) for x in values) if undetermined else (),
         objective=Objective.of_traces(joint, space, values, absolute)
         if robust is None
         else Objective.of_traces(
@@ -191,8 +219,10 @@ def used_samples(joint: Joint) -> int:
     return int(sum(np.sum(np.asarray(record.weight) > 0) for record in joint.problem.records))
 
 
-def _derived(joint: Joint, values: np.ndarray, slopes: np.ndarray, covariance: np.ndarray) -> tuple[Estimate, ...]:
-    """ω-, ω+ and τ of every trace, with errors; what the data determine even where the constants are not."""
+def _derived(
+    joint: Joint, values: np.ndarray, slopes: np.ndarray, covariance: np.ndarray
+) -> tuple[tuple[Estimate, ...], np.ndarray]:
+    """ω-, ω+ and τ of every trace, with errors; and their gradient (numbers, free) by the constants as shown."""
     problem = joint.problem
     modal = problem.loss == "modal"
     told = []
@@ -203,17 +233,19 @@ def _derived(joint: Joint, values: np.ndarray, slopes: np.ndarray, covariance: n
         lambda j: (j.problem, j.memory), joint, (without_data(problem), None), is_leaf=lambda x: x is None
     )
     value, gradient = _derived_jacobian(values, bare, tuple(told))
-    stderr = propagate(np.asarray(gradient) @ slopes, covariance)
+    along = np.asarray(gradient) @ slopes
+    stderr = propagate(along, covariance)
     names = []
     for i in range(len(problem.records)):
         tail = f"[{i + 1}]" if len(problem.records) > 1 else ""
         names += [f"omega_minus{tail}", f"omega_plus{tail}"]
         if told[i]:
             names.append(f"beta1/alpha1{tail}" if modal else f"tau{tail}")
-    return tuple(
+    found = tuple(
         Estimate(name, float(v), float(e), role="derived")
         for name, v, e in zip(names, np.asarray(value), stderr, strict=True)
     )
+    return found, along
 
 
 @eqx.filter_jit

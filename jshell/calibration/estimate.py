@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jshell.calibration.least_squares import SolverResult
+from jshell.calibration.uncertainty import MOST_PERCENT
 from jshell.errors import Outcome
 
 
@@ -14,9 +15,9 @@ class Estimate:
 
     Attributes:
         name: Its key.
-        value: Its value.
+        value: Its value; NaN where the data do not determine it.
         stderr: Standard error; NaN where there is none.
-        reason: Why the error is missing.
+        reason: Why the error, or the value, is missing.
         start: Value of the best start; NaN where it needs none.
         role: `constant`, `fixed`, `tied` (a function of others), `nuisance` (belongs to one trace) or `derived`.
     """
@@ -28,14 +29,29 @@ class Estimate:
     start: float = float("nan")
     role: str = "constant"
 
+    @property
+    def undetermined(self) -> bool:
+        """Whether the data do not determine it: its value is NaN, and `reason` says why."""
+        return not np.isfinite(self.value)
+
+    @property
+    def percent(self) -> float | None:
+        """The error in percent of the value; None where there is none, and where the value may be 0 for all it says."""
+        if not (np.isfinite(self.stderr) and np.isfinite(self.value)):
+            return None
+        share = 100 * abs(self.stderr) / max(abs(self.value), 1e-300)
+        return share if share < MOST_PERCENT else None
+
     def line(self, width: int) -> str:
         """`name: value ± error (percent) (start = …)`."""
+        if self.undetermined:
+            return f"{self.name + ':':{width + 1}}  undetermined" + (f" ({self.reason})" if self.reason else "")
         head = f"{self.name + ':':{width + 1}} {self.value: .7g}"
         if self.role == "fixed":
             return f"{head} (fixed)"
         tied = " (tied)" if self.role == "tied" else ""
         if np.isfinite(self.stderr):
-            percent = f" ({abs(100 * self.stderr / self.value):.2f}%)" if self.value else ""
+            percent = "" if self.percent is None else f" ({self.percent:.2f}%)"
             head += f" ± {self.stderr:.4g}{percent}"
         else:
             head += f" (no error: {self.reason or 'not asked for'})"

@@ -62,6 +62,7 @@ def _result(found: Mapping[str, Any]) -> FitResult:
         traces=tuple(trace_of(one) for one in found["data"]["traces"]),
         table={name: numbers(column) for name, column in found["data"]["table"].items()},
         specification=None if asked is None else FitOptions.from_record(asked),
+        minimum=tuple(number(x) for x in found.get("minimum", ())),
         versions=tuple((str(name), str(version)) for name, version in found["versions"]),
     )
 

@@ -34,12 +34,15 @@ from jshell.calibration.objective import Objective
 from jshell.calibration.options import FitOptions, choices_of
 from jshell.calibration.parameters import Unknowns
 from jshell.calibration.report import FitResult, FitWarning
+from jshell.calibration.table_misfit import misfits_of_table, weightings_apart
 from jshell.calibration.uncertainty import in_words, uncertainty
+from jshell.calibration.undetermined import hidden, open_constants, without_open
 from jshell.calibration.versions import versions
 from jshell.errors import BadValue, Outcome, RangeWarning
 
 __all__ = ["WEIGHTINGS", "fit_frequencies", "model", "scatter", "start_from_data", "weighted"]
 WEIGHTINGS = tuple(one for one in choices_of("weighting") if one is not None)
+LEAST_AGREEING = 2  # starts in the best minimum, where several were made: one alone found it by chance
 SECOND_SHAPE = "add a second pressure or shape, or fix alpha2"
 
 
@@ -64,7 +67,8 @@ def fit_frequencies(
 
     Returns:
         Outcome ok; rank_deficient with the free direction when the rows do not
-        determine the constants; stalled when starts disagree; at_bound.
+        determine the constants; stalled when starts disagree; at_bound. Warnings name a model that does not
+        describe the table, and what the other weighting gives where that is another answer.
 
     Raises:
         BadName: No such weighting, column or constant.
@@ -84,9 +88,21 @@ def fit_frequencies(
     natural = scatter(first, starts, seed)
     if not np.isfinite(rows.omega).any():
         raise BadValue("table", found="no usable frequency", expected="at least one", remedy="Check the columns.")
-    args = (space, rows, weighting)
-    ending = from_many_starts(table_residual, args, jnp.asarray(space.seen(natural)), *_limits(space))
+    ending = from_many_starts(
+        table_residual, (space, rows, weighting), jnp.asarray(space.seen(natural)), *_limits(space)
+    )
     found = _result(ready, space, weighting, ending, natural, [str(w.message) for w in caught])
+    if found.outcome == Outcome.OK:
+        other = next(name for name in WEIGHTINGS if name != weighting)
+        ending = from_many_starts(
+            table_residual, (space, rows, other), jnp.asarray(space.seen(natural)), *_limits(space)
+        )
+        second = _result(ready, space, other, ending, natural, [])
+        if second.outcome == Outcome.OK:
+            told = weightings_apart(found.estimates, second.estimates, other)
+            found = dataclasses.replace(found, warnings=(*found.warnings, *told))
+    for text in found.warnings[len({str(w.message) for w in caught}) :]:
+        warnings.warn(text, FitWarning, stacklevel=2)
     return dataclasses.replace(found, specification=given, versions=versions())
 
 
@@ -138,15 +154,19 @@ def _result(
     if directions and outcome in (Outcome.OK, Outcome.AT_BOUND) and shown[2] != 0:
         outcome = Outcome.RANK_DEFICIENT
         directions = tuple(f"{text} changes no frequency of the table: {SECOND_SHAPE}" for text in directions)
-    elif not (same | uncoupled).all():
+    elif not (same | uncoupled).all() or same.sum() < min(len(same), LEAST_AGREEING):
         outcome = Outcome.STALLED if outcome == Outcome.OK else outcome
         texts.append(f"only {same.sum()} of {len(same)} starts ended in the best minimum")
-        warnings.warn(texts[-1], FitWarning, stacklevel=3)
     notes = [*ready.notes, square_only(space)]
     if uncoupled.any():
         notes.append(f"{uncoupled.sum()} starts ended higher, at k_VS = 0 with the roles of the two masses exchanged")
     if outcome == Outcome.AT_BOUND and shown[2] == 0 and "k_vs" in space.free:
         texts.append("k_VS² ended at 0: the frequencies would have it negative")
+
+    undetermined = open_constants(names, shown[free], errors, outcome)
+    if outcome == Outcome.OK:
+        found = np.asarray(model(jnp.asarray(values), rows))
+        texts += misfits_of_table(np.asarray(r), found, rows, len(names), ready.absolute)
 
     estimates = []
     for i, name in enumerate(NAMES):
@@ -154,14 +174,15 @@ def _result(
             estimates.append(Estimate(name, float(shown[i]), role="fixed"))
             continue
         j = free.index(i)
-        estimates.append(Estimate(name, float(shown[i]), float(errors.stderr[j]), errors.reasons[j], float(begin[i])))
+        one = Estimate(name, float(shown[i]), float(errors.stderr[j]), errors.reasons[j], float(begin[i]))
+        estimates.append(hidden(one, undetermined[name]) if name in undetermined else one)
     return FitResult(
         title=f"Master curve of {rows.omega.shape[0]} shells, residual in {weighting}",
         outcome=outcome,
         estimates=tuple(estimates),
         derived=(),
-        covariance=errors.covariance,
-        correlation=errors.correlation,
+        covariance=without_open(errors.covariance, names, undetermined),
+        correlation=without_open(errors.correlation, names, undetermined),
         varied=names,
         residual=np.asarray(r),
         chi_square=float(r @ r),
@@ -173,5 +194,6 @@ def _result(
         notes=tuple(notes),
         warnings=tuple(texts),
         table=ready.columns,
+        minimum=tuple(float(x) for x in values) if undetermined else (),
         objective=Objective(table_residual, (space, rows, weighting), space, values, ready.absolute, measured),
     )

@@ -7,16 +7,18 @@ autocorrelated is told apart: its φ explains all of it.
 Symbols    r weighted residual   φ memory of the noise
 """
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import numpy as np
 
-from jshell.calibration.data import noise_of
 from jshell.calibration.joint import Joint, Piece
 from jshell.calibration.lengths import without_data
 from jshell.calibration.losses import strict_coefficients
-from jshell.calibration.noise import MISFIT, Noise
+from jshell.calibration.noise import MISFIT, Noise, rough_share
 from jshell.calibration.records import Record
+from jshell.calibration.sampling import noise_of
 from jshell.oscillator.linear import matrices, squares, state_matrix
 from jshell.signals import ring_down_start
 from jshell.trace import Trace
@@ -78,22 +80,22 @@ def _size(left: np.ndarray, robust: bool) -> float:
 
 
 def _noise(one: Record, trace: Trace, channel: int, name: str) -> float | None:
-    """Noise of a channel: given, or from its sixth differences; None where neither is possible."""
+    """Noise of a channel: given, or from its sixth differences; None where they hold none."""
     if name in trace.sigma:
         weight = np.asarray(one.weight[channel])
         return float(np.sqrt(np.mean(1 / weight[weight > 0] ** 2)))
-    if not one.uniform:
-        return None
-    return noise_of(np.asarray(trace[name], dtype=float)) or None
+    return noise_of(np.asarray(trace[name], dtype=float), np.asarray(trace.times, dtype=float)) or None
 
 
 def _explained(rms: float, level: float | None, noise: Noise) -> bool:
     """Whether noise of this memory leaves what six differences of the record leave."""
-    binomial = np.array([1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0])
-    overlap = np.correlate(binomial, binomial, "full")
-    kept = float(overlap @ noise.memory ** np.abs(np.arange(-6, 7))) / 924
-    ratio = (level or 0.0) ** 2 / (rms**2 * kept)
-    return not noise.coherent and 1 / EXPLAINED**2 < ratio < EXPLAINED**2
+    return not noise.coherent and bool(is_explained(rms, level or 0.0, noise.memory))
+
+
+def is_explained(rms: Any, level: Any, memory: Any) -> Any:
+    """The same of many: whether rms and the level from six differences fit together."""
+    ratio = level**2 / (rms**2 * rough_share(memory))
+    return (ratio > 1 / EXPLAINED**2) & (ratio < EXPLAINED**2)
 
 
 def snaps(cut: list[Trace]) -> list[str]:

@@ -26,6 +26,23 @@ MISFIT = 1.5  # residual over noise beyond which a model does not describe a rec
 # of either is below a tenth
 
 
+def is_correlated(lag1_z: Any, runs_z: Any) -> Any:
+    """Whether a residual fails the tests of white noise."""
+    return (lag1_z > REMEMBERS) | (runs_z < -REMEMBERS)
+
+
+def is_coherent(peak: Any, envelope: Any) -> Any:
+    """Whether what is left moves as no noise does."""
+    return np.minimum(peak, envelope) < COHERENT
+
+
+def rough_share(memory: Any) -> Any:
+    """Share of the variance of autocorrelated noise that six differences leave, over that of white noise."""
+    binomial = np.array([1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0])
+    overlap = np.correlate(binomial, binomial, "full")
+    return np.asarray(memory)[..., None] ** np.abs(np.arange(-6, 7)) @ overlap / 924
+
+
 @dataclass(frozen=True)
 class Noise:
     """What is left of one channel of one trace.
@@ -54,12 +71,12 @@ class Noise:
     @property
     def correlated(self) -> bool:
         """Whether it fails the tests of white noise."""
-        return self.lag1_z > REMEMBERS or self.runs_z < -REMEMBERS
+        return bool(is_correlated(self.lag1_z, self.runs_z))
 
     @property
     def coherent(self) -> bool:
         """Whether, after its memory is taken out, it still moves as no such noise does."""
-        return min(self.peak, self.envelope) < COHERENT
+        return bool(is_coherent(self.peak, self.envelope))
 
     def words(self) -> str:
         """One line of a report."""
@@ -74,34 +91,37 @@ def taken_as_white(one: Noise) -> Noise:
     return replace(one, memory=0.0, effective=float(one.samples))
 
 
-def lag_one(left: np.ndarray) -> tuple[float, float]:
-    """Autocorrelation at one step, and in standard errors of white noise."""
-    e = left - left.mean()
-    power = float(e @ e)
-    value = float(e[1:] @ e[:-1] / power) if power > 0 else 0.0
-    return value, float(value * np.sqrt(e.size))
+def lag_one(left: np.ndarray) -> tuple[Any, Any]:
+    """Autocorrelation at one step along the last axis, and in standard errors of white noise."""
+    e = left - left.mean(axis=-1, keepdims=True)
+    power = np.einsum("...t,...t->...", e, e)
+    value = np.einsum("...t,...t->...", e[..., 1:], e[..., :-1]) / np.where(power > 0, power, np.inf)
+    return value[()], (value * np.sqrt(e.shape[-1]))[()]
 
 
-def runs(left: np.ndarray) -> float:
-    """Number of runs of one sign, in standard errors from that of white noise."""
-    sign = left > np.median(left)
-    above, below = int(sign.sum()), int((~sign).sum())
-    total = above + below
-    if min(above, below) < 2:
-        return 0.0
-    found = 1 + int(np.sum(sign[1:] != sign[:-1]))
+def runs(left: np.ndarray) -> Any:
+    """Number of runs on one side of the mean along the last axis, in standard errors from that of white noise."""
+    sign = left > left.mean(axis=-1, keepdims=True)
+    return runs_from(sign.sum(axis=-1), np.sum(sign[..., 1:] != sign[..., :-1], axis=-1), left.shape[-1])
+
+
+def runs_from(above: Any, changes: Any, total: Any) -> Any:
+    """The same from the number of samples above the mean, of changes of side, and of all."""
+    below = total - above
     mean = 1 + 2 * above * below / total
     variance = (mean - 1) * (mean - 2) / (total - 1)
-    return float((found - mean) / np.sqrt(max(variance, 1e-12)))
+    return np.where(np.minimum(above, below) < 2, 0.0, (1 + changes - mean) / np.sqrt(np.maximum(variance, 1e-12)))[()]
 
 
-def peak_chance(left: np.ndarray) -> float:
-    """Chance of the largest share that one frequency takes of the power (Fisher's g)."""
-    power = np.abs(np.fft.rfft(left - left.mean())[1 : (left.size + 1) // 2]) ** 2
-    count, total = power.size, power.sum()
-    if count < 4 or total <= 0:
-        return 1.0
-    return float(min(1.0, count * max(0.0, 1 - power.max() / total) ** (count - 1)))
+def peak_chance(left: np.ndarray) -> Any:
+    """Chance of the largest share that one frequency takes of the power (Fisher's g), along the last axis."""
+    waves = np.fft.rfft(left - left.mean(axis=-1, keepdims=True))[..., 1 : (left.shape[-1] + 1) // 2]
+    power = waves.real**2 + waves.imag**2
+    count, total = power.shape[-1], power.sum(axis=-1)
+    if count < 4:
+        return np.ones(left.shape[:-1])[()]
+    share = power.max(axis=-1) / np.where(total > 0, total, np.inf)
+    return np.where(total > 0, np.minimum(1.0, count * np.maximum(0.0, 1 - share) ** (count - 1)), 1.0)[()]
 
 
 def envelope_chance(left: np.ndarray) -> float:
@@ -192,10 +212,11 @@ def examine(name: str, left: np.ndarray, jacobian: np.ndarray, times: np.ndarray
     kept = left[used]
     lag1, lag1_z = lag_one(kept)
     runs_z = runs(kept)
-    plain = Noise(name, kept.size, lag1, lag1_z, runs_z, 0.0, float(kept.size), 1.0, 1.0)
+    plain = Noise(name, kept.size, float(lag1), float(lag1_z), float(runs_z), 0.0, float(kept.size), 1.0, 1.0)
     memory, steps = 0.0, steps_between(times, used)
     if plain.correlated:
         memory = estimate_memory(left, jacobian, steps)
     fresh = whiten(left, remembered(memory, steps))[used]
     effective = kept.size * (1 - memory) / (1 + memory)
-    return Noise(name, kept.size, lag1, lag1_z, runs_z, memory, effective, peak_chance(fresh), envelope_chance(fresh))
+    peak, envelope = float(peak_chance(fresh)), envelope_chance(fresh)
+    return Noise(name, kept.size, plain.lag1, plain.lag1_z, plain.runs_z, memory, effective, peak, envelope)

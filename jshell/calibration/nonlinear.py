@@ -27,12 +27,12 @@ from jshell.calibration.agreement import holder, rests_elsewhere
 from jshell.calibration.data import conditions_of, noise_level
 from jshell.calibration.least_squares import value_and_jacobian
 from jshell.calibration.records import Record
+from jshell.calibration.sampling import sampling
 from jshell.calibration.starts import find_modes, strict_start
 from jshell.errors import BadName, BadShape, BadValue, Outcome, RangeWarning
 from jshell.oscillator.coefficients import Coefficients
 from jshell.oscillator.fixed import rk4
 from jshell.oscillator.motion import Driven
-from jshell.oscillator.simulate import is_uniform
 from jshell.shell.elasticity import SPHERE_AREA
 from jshell.shell.parameters import Reduced
 from jshell.shell.rest import RestState, buckled_state
@@ -148,7 +148,7 @@ def _read(traces: list[Trace]) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool
     """Common times, data (2, times, traces), weights (2, traces), and whether σ was given."""
     if not traces:
         raise BadValue("traces", found="none", expected="at least one", remedy="Give a trace.")
-    times = np.asarray(traces[0].times, dtype=float)
+    times = sampling(np.asarray(traces[0].times, dtype=float)).times
     columns, weights, given = [], [], True
     for number, trace in enumerate(traces, 1):
         if not float(conditions_of(trace, number).viscosity) > 0:
@@ -159,16 +159,16 @@ def _read(traces: list[Trace]) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool
                 remedy="Build the trace with conditions=Reduced(…).",
             )
         holder(trace, number, inverted=True)
-        mine = np.asarray(trace.times, dtype=float)
+        mine = sampling(np.asarray(trace.times, dtype=float))
         if (
-            mine.shape != times.shape
-            or mine.size < 16
-            or not is_uniform(mine)
-            or not np.allclose(mine - mine[0], times - times[0], rtol=1e-9, atol=1e-12)
+            mine.times.shape != times.shape
+            or mine.times.size < 16
+            or not mine.even
+            or not np.allclose(mine.times - mine.times[0], times - times[0], rtol=1e-9, atol=1e-12)
         ):
             raise BadShape(
                 f"trace {number}",
-                found=f"{mine.size} times of its own",
+                found=f"{mine.times.size} times of its own",
                 expected="one even grid of at least 16 times for all traces",
                 remedy="Resample the traces, or fit them in groups.",
             )
@@ -179,7 +179,7 @@ def _read(traces: list[Trace]) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool
         if given:
             noise = [float(np.mean(np.asarray(trace.sigma[name]))) for name in ("V", "S")]
         else:
-            noise = [noise_level(row, True) for row in rows]
+            noise = [noise_level(row, times) for row in rows]
         columns.append(rows)
         weights.append(1 / np.array(noise))
     return times, np.stack(columns, axis=-1), np.stack(weights, axis=-1), given

@@ -65,5 +65,7 @@ def _of_table(result: Fit, options: FitOptions) -> Objective:
 
 def _values(result: Fit, space: Unknowns) -> np.ndarray:
     """(names,) the minimum, as the model sees it."""
+    if result.minimum:
+        return np.array(result.minimum)
     known = {one.name: one.value for one in result.estimates}
     return np.array([known[name] ** 2 if name in space.squared else known[name] for name in space.names])

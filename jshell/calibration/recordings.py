@@ -16,8 +16,9 @@ import numpy as np
 
 from jshell.calibration.agreement import holder
 from jshell.calibration.data import conditions_of, with_sigma
+from jshell.calibration.sampling import noise_of, sampling
 from jshell.errors import BadShape, BadValue, RangeWarning
-from jshell.oscillator.simulate import is_buckled, is_uniform
+from jshell.oscillator.simulate import is_buckled
 from jshell.shell.parameters import Reduced
 from jshell.shell.rest import RestState, buckled_state
 from jshell.signals.lanes import BLOCK
@@ -71,6 +72,7 @@ class Bucket(NamedTuple):
         steps: (rows,) time between samples; the mean one where they are uneven.
         elapsed: (rows, times) from each first sample, for uneven records; None for even ones.
         even: (rows, 2, times) uneven records brought to an even grid; None for even ones.
+        noise: (rows, 2) of uneven records; None for even ones, whose own is found with their fits.
     """
 
     rows: np.ndarray
@@ -79,6 +81,7 @@ class Bucket(NamedTuple):
     steps: np.ndarray
     elapsed: np.ndarray | None = None
     even: np.ndarray | None = None
+    noise: np.ndarray | None = None
 
     @property
     def lanes(self) -> int:
@@ -144,9 +147,9 @@ def bucketed(records: Recordings) -> tuple[list[Bucket], np.ndarray]:
     counts = np.full(rows, length) if records.counts is None else np.asarray(records.counts, dtype=int)
     unusable = np.zeros(rows, bool)
     if shared:
-        even_all = np.full(rows, is_uniform(times))
+        even_all = np.full(rows, sampling(times).even)
     else:
-        even_all = np.array([is_uniform(t[:n]) for t, n in zip(times, counts, strict=True)])
+        even_all = np.array([sampling(t[:n]).even for t, n in zip(times, counts, strict=True)])
     with np.errstate(all="ignore"):
         full = counts == length
         whole = np.isfinite(values.sum(axis=(1, 2))) & full
@@ -156,8 +159,8 @@ def bucketed(records: Recordings) -> tuple[list[Bucket], np.ndarray]:
     plain = np.flatnonzero(even_all & whole & (counts >= FEWEST))
 
     def step_of(i):
-        t = times if shared else times[i]
-        return float(t[counts[i] - 1] - t[0]) / (counts[i] - 1)
+        t = sampling((times if shared else times[i])[: counts[i]]).times
+        return float(t[-1] - t[0]) / (counts[i] - 1)
 
     buckets = []
     lengths = np.array([padded_length(int(n)) for n in counts[plain]]) if plain.size else np.zeros(0, int)
@@ -179,6 +182,7 @@ def bucketed(records: Recordings) -> tuple[list[Bucket], np.ndarray]:
         if t.size < FEWEST or not np.all(np.diff(t) > 0):
             unusable[i] = True
             continue
+        t = sampling(t).times
         cut.setdefault(padded_length(t.size), []).append((i, t - t[0], y))
     for size, found in sorted(cut.items()):
         elapsed, kept, even = np.zeros((len(found), size)), np.zeros((len(found), 2, size)), []
@@ -188,7 +192,8 @@ def bucketed(records: Recordings) -> tuple[list[Bucket], np.ndarray]:
             even.append(np.pad([np.interp(grid, t, row) for row in y], ((0, 0), (0, size - t.size))))
         n = np.array([t.size for _, t, _ in found])
         steps = np.array([t[-1] / (t.size - 1) for _, t, _ in found])
-        buckets.append(Bucket(np.array([i for i, *_ in found]), kept, n, steps, elapsed, np.array(even)))
+        noise = np.array([[noise_of(row, t) for row in y] for _, t, y in found])
+        buckets.append(Bucket(np.array([i for i, *_ in found]), kept, n, steps, elapsed, np.array(even), noise))
     for bucket in buckets:
         beyond = np.arange(bucket.values.shape[2]) >= bucket.counts[:, None, None]
         moves = np.any((bucket.values != bucket.values[:, :, :1]) & ~beyond, axis=2).all(axis=1)

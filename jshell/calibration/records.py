@@ -13,8 +13,9 @@ import numpy as np
 from jshell.calibration.agreement import refuse_rest
 from jshell.calibration.data import weighted
 from jshell.calibration.options import choices_of
+from jshell.calibration.sampling import sampling
 from jshell.errors import BadName, BadValue, RangeWarning
-from jshell.oscillator.simulate import is_buckled, is_uniform
+from jshell.oscillator.simulate import is_buckled
 from jshell.shell.parameters import Reduced
 from jshell.shell.rest import RestState, buckled_state, gas_pressure
 from jshell.trace import Trace
@@ -100,7 +101,7 @@ def _remedy(conditions: Reduced) -> str:
 
 def record(trace: Trace, channels: tuple[str, ...], state: RestState) -> Record:
     """A trace as the solver sees it."""
-    times = np.asarray(trace.times, dtype=float)
+    taken = sampling(np.asarray(trace.times, dtype=float))
     data, weight = weighted(trace, channels)
     number = np.float64  # of NumPy: what is done outside the solver then compiles nothing
     c = trace.conditions
@@ -114,4 +115,5 @@ def record(trace: Trace, channels: tuple[str, ...], state: RestState) -> Record:
         number(c.poisson_ratio),
     )
     state = RestState(*(np.asarray(x, dtype=float)[()] for x in state))  # pyright: ignore[reportArgumentType]
-    return Record(times - times[0], data, weight, conditions, state, channels, is_uniform(times))
+    elapsed = taken.times - taken.times[0]
+    return Record(elapsed, data, weight, conditions, state, channels, taken.even)

@@ -96,7 +96,7 @@ def text(result: Fit, *, nuisance: bool = False, smallest_correlation: float = 0
 def page(result: Fit) -> str:
     """The report for notebooks."""
     cells = "".join(
-        f"<tr><td>{html.escape(e.name)}</td><td>{e.value:.7g}</td><td>{_error(e)}</td>"
+        f"<tr><td>{html.escape(e.name)}</td><td>{_value(e)}</td><td>{_error(e)}</td>"
         f"<td>{'' if np.isnan(e.start) else f'{e.start:.5g}'}</td></tr>"
         for e in (*result.estimates, *result.derived)
         if e.role != "nuisance"
@@ -124,11 +124,16 @@ def _pairs(result: Fit, smallest: float) -> list[str]:
     return [text for _, text in sorted(found, reverse=True)]
 
 
+def _value(estimate: Estimate) -> str:
+    return "undetermined" if estimate.undetermined else f"{estimate.value:.7g}"
+
+
 def _error(estimate: Estimate) -> str:
     if estimate.role == "fixed":
         return "fixed"
     if np.isfinite(estimate.stderr):
-        return f"± {estimate.stderr:.4g} ({abs(100 * estimate.stderr / estimate.value):.2f}%)" if estimate.value else ""
+        percent = "" if estimate.percent is None else f" ({estimate.percent:.2f}%)"
+        return f"± {estimate.stderr:.4g}{percent}"
     return html.escape(f"none: {estimate.reason or 'not asked for'}")
 
 

@@ -29,7 +29,10 @@ class FitResult(Fit):
     @readable
     def __repr__(self) -> str:
         plain = [one for one in self.estimates if "[" not in one.name]
-        values = [f"{one.name} {number(one.value)} ± {number(one.stderr)}" for one in plain]
+        values = [
+            f"{one.name} undetermined" if one.undetermined else f"{one.name} {number(one.value)} ± {number(one.stderr)}"
+            for one in plain
+        ]
         return shown(
             self, self.title, *values, f"reduced χ² {number(self.reduced_chi_square)}", f"{self.n_data} data",
             f"{len(self.warnings)} warnings" if self.warnings else "", ended(self.outcome),

@@ -56,6 +56,8 @@ class Fit:
         table: The columns of frequencies that were fitted.
         specification: What was asked.
         versions: Of jshell and of what it stands on.
+        minimum: All parameters at the minimum as the model sees them, those that are undetermined among them; empty
+            where every one is determined.
         objective: What was minimised, for profiles and the like; see `asked`.
     """
 
@@ -81,6 +83,7 @@ class Fit:
     table: Mapping[str, np.ndarray] = field(default_factory=dict)
     specification: FitOptions | None = None
     versions: tuple[tuple[str, str], ...] = ()
+    minimum: tuple[float, ...] = ()
     objective: Objective | None = field(default=None, repr=False)
     statistics: tuple[tuple[str, float], ...] = field(init=False)
 

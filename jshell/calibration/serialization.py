@@ -39,6 +39,7 @@ def stored(result: Fit) -> dict[str, Any]:
             "starts": [asdict(one) | {"outcome": one.outcome.word} for one in result.starts],
             "noise": [asdict(one) for one in result.noise],
             "residual": np.asarray(result.residual),
+            "minimum": list(result.minimum),
             "data": {
                 "traces": [trace_record(trace) for trace in result.traces],
                 "table": {name: np.asarray(column) for name, column in result.table.items()},

@@ -14,6 +14,8 @@ import numpy as np
 # Below this ratio of singular values a direction is free: exact Jacobians leave 1e-15 there.
 SINGULAR = 1e-9
 LOOSE = 0.5  # a direction known to no better than this part of the constants is free for every purpose
+NO_SCATTER = "no more data than parameters, so no scatter to scale it by: give σ"
+MOST_PERCENT = 999.5  # an error of more than this is no part of its value
 SMALL_COUPLING = 0.05  # k_VS may be 0: its changes count relative to at least this
 
 
@@ -90,7 +92,7 @@ def uncertainty(
         if dead
         else "the data leave a combination with it free"
         if lost
-        else "no more data than parameters, so no scatter to scale it by: give σ"
+        else NO_SCATTER
         if exact
         else ""
         for dead, lost in zip(no_effect, in_null, strict=True)
@@ -122,6 +124,11 @@ def in_words(direction: np.ndarray, names: tuple[str, ...]) -> str:
     d = direction * np.sign(direction[np.argmax(np.abs(direction))])
     order = [i for i in np.argsort(-np.abs(d)) if abs(d[i]) > 1e-3]
     return ", ".join(f"{names[i]} {100 * d[i] / abs(d[order[0]]):+.0f}%" for i in order)
+
+
+def share_in_words(share: float) -> str:
+    """A relative error in percent; a word where it is beyond them."""
+    return f"±{100 * share:.0f}%" if 100 * share < MOST_PERCENT else "more than ±1000%"
 
 
 def information(chi_square: float, count: int, varied: int) -> tuple[float, float]:

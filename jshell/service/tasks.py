@@ -235,5 +235,7 @@ def _parameters(found: calibration.FitResult) -> bytes:
     writer.writerow(["name", "value", "stderr", "role", "reason"])
     for one in (*found.estimates, *found.derived):
         stderr = float(one.stderr) if np.isfinite(one.stderr) else ""
-        writer.writerow([batches.cell(one.name), float(one.value), stderr, one.role, one.reason or ""])
+        writer.writerow(
+            [batches.cell(one.name), "" if one.undetermined else float(one.value), stderr, one.role, one.reason or ""]
+        )
     return file.getvalue().encode()

@@ -1,7 +1,10 @@
 """Constants from frequencies: recovered, refused, and reported as lmfit reports them."""
 
 import json
+import re
+import sys
 
+import equinox as eqx
 import lmfit
 import numpy as np
 import pytest
@@ -84,7 +87,9 @@ def test_one_shape_is_refused_and_its_free_direction_named():
     assert "second pressure" in found.free_directions[0]
     for name in ("alpha1", "alpha2", "k_vs"):
         assert np.isnan(found[name].stderr)
+        assert np.isnan(found[name].value)
         assert found[name].reason
+        assert re.search(rf"{name}: +undetermined", found.report())
     with pytest.raises(NotOk, match="rank_deficient"):
         found.require_ok()
 
@@ -94,7 +99,8 @@ def test_moving_along_the_free_direction_changes_no_frequency():
     found = fit_frequencies(_table(rows=slice(2, 3)))
     words = found.free_directions[0].split(" changes")[0].split(", ")
     change = {word.split()[0]: float(word.split()[1].rstrip("%")) / 100 for word in words}
-    p = {name: found[name].value for name in ("alpha1", "alpha2", "k_vs")}
+    objective = found.asked()  # the result says what is determined; where the search ended stands here
+    p = dict(zip(("alpha1", "alpha2", "k_vs"), objective.shown(objective.best), strict=True))
     V, P, step = VOLUMES[2], PRESSURES[2], 1e-3
 
     def shift(directions):
@@ -173,3 +179,76 @@ def test_starts_that_disagree_are_not_hidden(monkeypatch):
         found = fit_frequencies(_table(0.02))
     assert found.outcome == Outcome.STALLED
     assert "only 1 of 2" in found.report()
+
+
+def _wrong(kind: str, seed: int) -> dict[str, np.ndarray]:
+    """A table of twelve shells that the model does not describe; noise of 1%."""
+    random = np.random.default_rng(seed)
+    V, P = np.linspace(2.2, 3.4, 12), np.exp(random.uniform(np.log(0.5), np.log(3.0), 12))
+    rows = zip(V, P, strict=True)
+    omega = np.sqrt([np.asarray(squared_frequencies(v, p, *TRUE)) for v, p in rows])
+    if kind == "slow 30% too fast at high pressure":
+        omega[:, 0] *= 1 + 0.3 * (P - 1)
+    if kind == "fast ones of another shell":
+        omega[:, 1] = random.uniform(1.5, 6.0, 12)
+    if kind == "volume twice as heavy in the fast mode":
+        omega[:, 1] *= np.where(P > 1.2, 0.7, 1.0)
+    omega *= 1 + 0.01 * random.standard_normal(omega.shape)
+    return {"V_e": V, "P_e": P, "omega_minus": omega[:, 0], "omega_plus": omega[:, 1]}
+
+
+@pytest.mark.parametrize(
+    "kind",
+    ["slow 30% too fast at high pressure", "fast ones of another shell", "volume twice as heavy in the fast mode"],
+)
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.filterwarnings("ignore::jshell.calibration.FitWarning")
+def test_a_table_that_the_model_does_not_describe_is_a_misfit(kind, seed):
+    found = fit_frequencies(_wrong(kind, seed))
+    assert found.outcome != Outcome.OK or any(text.startswith("misfit") for text in found.warnings)
+
+
+@pytest.mark.filterwarnings("ignore::jshell.calibration.FitWarning")
+def test_given_errors_that_are_too_small_are_a_misfit():
+    table = _wrong("none", 0)
+    sigma = {f"sigma_{which}": 0.01 * table[f"omega_{which}"] for which in ("minus", "plus")}
+    assert not fit_frequencies(table | sigma).warnings
+    small = {name: values / 5 for name, values in sigma.items()}
+    assert "times the errors of the table" in fit_frequencies(table | small).report()
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::jshell.calibration.FitWarning")
+def test_good_tables_are_hardly_ever_called_misfits():
+    flagged = [seed for seed in range(300) if fit_frequencies(_wrong("none", seed)).warnings]
+    assert len(flagged) <= 3
+
+
+@pytest.mark.filterwarnings("ignore::jshell.calibration.FitWarning")
+def test_one_start_of_many_is_not_enough(monkeypatch):
+    module = sys.modules["jshell.calibration.master_curve"]
+    search = module.from_many_starts
+
+    def one_alone(*given):
+        """All but the first start end at k_VS = 0, in its minimum."""
+        ending = search(*given)
+        others = ending.outcome.at[1:].set(int(Outcome.AT_BOUND)), ending.cost.at[1:].set(1.0)
+        return eqx.tree_at(lambda e: (e.outcome, e.cost), ending, others)
+
+    monkeypatch.setattr(module, "from_many_starts", one_alone)
+    found = fit_frequencies(_table())
+    assert found.outcome == Outcome.STALLED
+    assert np.isnan(found["alpha1"].value)
+    assert "only 1 of 11 starts" in found.report()
+
+
+@pytest.mark.filterwarnings("ignore::jshell.calibration.FitWarning")
+def test_both_weightings_are_shown_where_they_disagree():
+    table = _wrong("none", 0)
+    table["omega_plus"][3] *= 1.8  # a row that was misread
+    found = fit_frequencies(table)
+    told = [text for text in found.warnings if "V_e^2 omega^2" in text]
+    other = fit_frequencies(table, "V_e^2 omega^2")
+    apart = max(abs(found[n].value - other[n].value) / np.hypot(found[n].stderr, other[n].stderr) for n in found.varied)
+    assert bool(told) == (apart > 1)
+    assert bool(told) == ("V_e omega" in other.report().split("misfit")[-1] and bool(other.warnings))

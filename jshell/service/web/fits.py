@@ -123,8 +123,9 @@ def _row(result: FitResult, one: Estimate, profile: Mapping[str, Any] | None) ->
     return {
         "name": one.name,
         "value": one.value,
+        "undetermined": one.undetermined,
         "stderr": one.stderr if np.isfinite(one.stderr) else None,
-        "percent": abs(100 * one.stderr / one.value) if np.isfinite(one.stderr) and one.value else None,
+        "percent": one.percent,
         "reason": one.reason,
         "start": one.start,
         "role": one.role,

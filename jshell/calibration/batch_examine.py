@@ -1,0 +1,254 @@
+"""What the fits of a batch leave, record by record: whether it is noise, which, and the fits again where it remembers.
+
+Symbols    φ memory from sample to sample   r weighted residual
+"""
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jshell.calibration.batch_noise import Again, Given, Left, again, columns, memory_of, residual
+from jshell.calibration.misfit import is_explained
+from jshell.calibration.noise import (
+    MISFIT,
+    envelope_chance,
+    estimate_memory,
+    is_coherent,
+    is_correlated,
+    peak_chance,
+    remembered,
+    runs_from,
+    steps_between,
+    whiten,
+)
+from jshell.calibration.recordings import Bucket
+from jshell.signals.lane_search import CONVERGED
+
+UNEVEN_SIZES = 2.5  # standard errors between the sizes in both halves, below which no test of ranks fails by COHERENT
+
+
+class Studied(NamedTuple):
+    """What was learnt of every record, (rows, …).
+
+    Attributes:
+        memory: (rows, 2) φ of V and S; 0 where the residual passes as white.
+        whitened: (rows,) sum of squares of the whitened residual where the noise remembers, else NaN.
+        misfit: (rows,) whether the model leaves clearly more than noise explains.
+    """
+
+    memory: np.ndarray
+    whitened: np.ndarray
+    misfit: np.ndarray
+
+
+def nothing_studied(rows: int) -> Studied:
+    """Before any record was looked at."""
+    return Studied(np.zeros((rows, 2)), np.full(rows, np.nan), np.zeros(rows, bool))
+
+
+def study(run: Any, which: np.ndarray, free: np.ndarray, *, white: bool) -> None:
+    """Test what is left of some records.
+
+    Args:
+        run: The batch; its `studied` is changed.
+        which: (rows,) records to look at.
+        free: (4,) constants that are fitted.
+        white: Take all noise as white.
+    """
+    for bucket in run.buckets:
+        chosen = np.flatnonzero(which[bucket.rows])
+        if not chosen.size:
+            continue
+        rows = bucket.rows[chosen]
+        left = _residuals(run, bucket, chosen)
+        memory = _memories(run, bucket, chosen, left, free)
+        coherent = _coherent(bucket, chosen, left, memory)
+        if not white:
+            run.studied.memory[rows] = memory
+        rms = np.sqrt(left.power / bucket.counts[chosen, None])
+        more = rms > MISFIT
+        if not run.absolute:
+            more &= ~((memory > 0) & ~coherent & is_explained(np.maximum(rms, 1e-300), 1.0, memory))
+        misfit = more | coherent
+        flagged = np.flatnonzero(misfit.any(axis=1))
+        scatter = np.sqrt(run.found.weight[:, rows[flagged]].T) * _scatters(bucket, chosen[flagged])
+        misfit[flagged] &= rms[flagged] > 1e-5 * scatter  # of exact data rounding is left
+        run.studied.misfit[rows] = misfit.any(axis=1)
+
+
+def remember(run: Any) -> None:
+    """Fit those records again whose noise remembers.
+
+    Args:
+        run: The batch; its `found` and `studied` are changed.
+    """
+    for bucket in run.buckets:
+        memory = run.studied.memory[bucket.rows]
+        chosen = np.flatnonzero(memory.max(axis=1) > 0)
+        if chosen.size:
+            _fit_again(run, bucket, chosen, memory[chosen])
+            left = _residuals(run, bucket, chosen)
+            run.found.cost[bucket.rows[chosen]] = left.power.sum(axis=1)
+
+
+def _scatters(bucket: Bucket, chosen: np.ndarray) -> np.ndarray:
+    """(chosen, 2) standard deviations."""
+    found = np.empty((chosen.size, 2))
+    for count, mine in _alike(bucket.counts[chosen]):
+        found[mine] = bucket.values[chosen[mine]][..., :count].std(axis=-1)
+    return found
+
+
+def _alike(counts: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
+    """Lengths that there are, and who has them."""
+    for count in np.unique(counts):
+        yield int(count), np.flatnonzero(counts == count)
+
+
+def _blocks(run: Any, bucket: Bucket, chosen: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray, Given]]:
+    """Blocks of records: places among the chosen, the rows of the lanes (a short block repeats its own), and they."""
+    size, found = bucket.lanes, run.found
+    padded = -(-bucket.values.shape[2] // 16) * 16
+    for at in range(0, chosen.size, size):
+        mine = np.arange(at, min(at + size, chosen.size))
+        lanes = np.resize(chosen[mine], size)
+        rows = bucket.rows[lanes]
+        wide = lambda x, lanes=lanes: _side_by_side(x[lanes], padded)  # noqa: E731
+        volume, pressure = found.rest[:, rows]
+        yield (
+            mine,
+            rows,
+            Given(
+                wide(bucket.values),
+                bucket.counts[lanes].astype(float),
+                bucket.steps[lanes],
+                run.kappa[rows] * pressure / volume,
+                run.area_modulus[rows] / (4 * np.pi),
+                volume,
+                found.weight[:, rows],
+                None if bucket.elapsed is None else wide(bucket.elapsed),
+            ),
+        )
+
+
+def _side_by_side(values: np.ndarray, padded: int) -> np.ndarray:
+    """(records, …, times) as (…, times, records), the times padded with zeros."""
+    wide = np.zeros((*values.shape[1:-1], padded, values.shape[0]))
+    wide[..., : values.shape[-1], :] = np.moveaxis(values, 0, -1)
+    return wide
+
+
+def _residuals(run: Any, bucket: Bucket, chosen: np.ndarray) -> Left:
+    """What is left of chosen records, (chosen, 2, …) each; the halves (chosen, 2, 2)."""
+    parts = []
+    for mine, rows, given in _blocks(run, bucket, chosen):
+        state = run.found.state[:, rows]
+        parts.append([np.moveaxis(np.asarray(x)[..., : mine.size], -1, 0) for x in residual(
+            run.found.unknowns[:, rows], state[:4], state[4:], given
+        )])  # fmt: skip
+    return Left(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+
+
+def _memories(run: Any, bucket: Bucket, chosen: np.ndarray, left: Left, free: np.ndarray) -> np.ndarray:
+    """(chosen, 2) φ where the tests of white noise fail, else 0."""
+    count = bucket.counts[chosen, None]
+    with np.errstate(all="ignore"):
+        lag1 = left.neighbours / (left.power - count * left.mean**2)
+        correlated = is_correlated(lag1 * np.sqrt(count), runs_from(left.above, left.changes, count))
+    memory, some = np.zeros((chosen.size, 2)), np.flatnonzero(correlated.any(axis=1))
+    # of a channel, alpha1, alpha2 and k_vs move the two frequencies; what else they do its own amplitudes do as well
+    fitted = free.astype(float)
+    fitted[0] *= not free[:3].all()
+    for mine, rows, given in _blocks(run, bucket, chosen[some]):
+        at = run.found.unknowns[:, rows], run.found.state[:4, rows], fitted
+        mine_left = left.residual[some[mine]]
+        if bucket.elapsed is None:
+            r = _side_by_side(np.resize(mine_left, (rows.size, *mine_left.shape[1:])), given.values.shape[1])
+            found = np.asarray(memory_of(*at, r, given)).T[: mine.size]
+        else:
+            found = _uneven_memories(np.asarray(columns(*at, given)), mine_left, bucket, chosen[some[mine]])
+        memory[some[mine]] = np.where(correlated[some[mine]], found, 0.0)
+    return np.where(np.isfinite(memory), memory, 0.0)
+
+
+def _uneven_memories(parts: np.ndarray, left: np.ndarray, bucket: Bucket, chosen: np.ndarray) -> np.ndarray:
+    """The same of uneven records, one by one."""
+    assert bucket.elapsed is not None
+    found = np.zeros((chosen.size, 2))
+    for k, j in enumerate(chosen):
+        count = int(bucket.counts[j])
+        steps = steps_between(bucket.elapsed[j, :count])
+        for c in range(2):
+            found[k, c] = estimate_memory(left[k, c, :count], parts[c, :, :count, k].T, steps)
+    return found
+
+
+def _over_steps(bucket: Bucket, j: Any, phi: Any) -> np.ndarray:
+    """(times,) memory over the step to each sample, 0 at the first and beyond the record."""
+    count, memory = int(bucket.counts[j]), np.zeros(bucket.values.shape[2])
+    if bucket.elapsed is None:
+        memory[1:count] = phi
+    else:
+        memory[1:count] = remembered(phi, steps_between(bucket.elapsed[j, :count]))[1:]
+    return memory
+
+
+def _coherent(bucket: Bucket, chosen: np.ndarray, left: Left, memory: np.ndarray) -> np.ndarray:
+    """(chosen, 2) whether what is left moves as no noise does, once its memory is taken out."""
+    found = np.zeros((chosen.size, 2), bool)
+    for count, mine in _alike(bucket.counts[chosen]):
+        fresh = left.residual[mine][..., :count]
+        early, whole = left.halves[mine, 0], left.halves[mine, 1]
+        some = np.flatnonzero(memory[mine].any(axis=1))
+        if some.size:
+            fresh[some] = _whitened(bucket, chosen[mine[some]], fresh[some], memory[mine[some]])
+            root = np.sqrt(np.abs(fresh[some]))
+            early[some], whole[some] = root[..., : count // 2].sum(axis=-1), root.sum(axis=-1)
+        with np.errstate(all="ignore"):
+            # ranks cost a sort: they are asked where the mean sizes of the halves differ at all; roots bear outliers
+            spread = np.sqrt(np.maximum(np.abs(fresh).mean(axis=-1) - (whole / count) ** 2, 0.0))
+            differ = np.abs(2 * early - whole) > UNEVEN_SIZES * spread * np.sqrt(count)
+        with np.errstate(all="ignore"):
+            peak = peak_chance(fresh)
+        envelope = np.ones(peak.shape)
+        for k, c in zip(*np.nonzero(differ), strict=True):
+            envelope[k, c] = envelope_chance(fresh[k, c])
+        found[mine] = is_coherent(peak, envelope)
+    return found
+
+
+def _whitened(bucket: Bucket, chosen: np.ndarray, left: np.ndarray, memory: np.ndarray) -> np.ndarray:
+    """(chosen, 2, count) with the memory taken out, as `noise.whiten`."""
+    if bucket.elapsed is None:
+        phi = memory[..., None]
+        fresh = (left[..., 1:] - phi * left[..., :-1]) / np.sqrt(1 - phi**2)
+        return np.concatenate([left[..., :1], fresh], axis=-1)
+    count, found = left.shape[-1], left.copy()
+    for k, c in zip(*np.nonzero(memory), strict=True):
+        found[k, c] = whiten(left[k, c], _over_steps(bucket, chosen[k], memory[k, c])[:count])
+    return found
+
+
+def _fit_again(run: Any, bucket: Bucket, chosen: np.ndarray, memory: np.ndarray) -> None:
+    """The constants and errors of autocorrelated noise, from the minimum of white noise."""
+    found, padded = run.found, -(-bucket.values.shape[2] // 16) * 16
+    over = None
+    if bucket.elapsed is not None:
+        over = np.array([[_over_steps(bucket, j, phi) for phi in pair] for j, pair in zip(chosen, memory, strict=True)])
+    fixed = run.low == run.high
+    for mine, rows, given in _blocks(run, bucket, chosen):
+        lanes = np.resize(mine, rows.size)
+        box = (np.repeat(end[:, None], rows.size, 1) for end in (run.low, run.high))
+        start = found.unknowns[:, rows]
+        steps = None if over is None else _side_by_side(over[lanes], padded)
+        moved, stayed = again(start, memory[lanes].T, steps, *box, given)
+        moved, stayed = (Again(*(np.asarray(part)[..., : mine.size] for part in one)) for one in (moved, stayed))
+        rows = rows[: mine.size]
+        inside = np.all(
+            ((moved.unknowns > run.low[:, None]) & (moved.unknowns < run.high[:, None])) | fixed[:, None], axis=0
+        )
+        good = (moved.status == CONVERGED) & inside & np.isfinite(moved.cost) & (found.status[rows] == CONVERGED)
+        for name in ("unknowns", "normal", "state", "omega"):
+            getattr(found, name)[..., rows] = np.where(good, getattr(moved, name), getattr(stayed, name))
+        run.studied.whitened[rows] = np.where(good, moved.cost, stayed.cost)

@@ -1,0 +1,496 @@
+"""The noise of a batch's fits: what is left of every record, its memory, and the fit again where it has one.
+
+Where a residual fails the tests of white noise, φ of each channel is estimated by restricted likelihood. The
+products of Jacobian and residual with themselves and with their neighbours in time hold the likelihood of every φ,
+so that a record is read once. With φ known, waves and data are whitened and the same search goes on from
+the minimum of white noise, with a Gram matrix for each channel. Tests and likelihood are those of `noise`.
+
+Symbols    φ memory from sample to sample   b basis of `batch_kernel`, then the constant   r weighted residual
+           J = ∂r/∂p by four constants, four amplitudes and the offset   M(φ) whitened products of (J, r)
+Valid for  as `batch_kernel`; over a gap of m steps φ is φ^m
+Source     as `noise`
+"""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jshell.calibration.batch_kernel import Block, Shape, projected, shape, tangents
+from jshell.calibration.noise import STRONGEST
+from jshell.signals.lane_search import Look, begin, descend
+from jshell.signals.lanes import centred, cholesky, lanewise, listed, stage, total
+from jshell.signals.wave_sums import INNER, data_sums, gram, powers
+
+SHARE = (np.sqrt(5) - 1) / 2  # of an interval, in a search by golden section
+SECTIONS = 22  # of the range of φ: to 3e-5
+
+
+class Given(eqx.Module):
+    """Records side by side, and what their fits were given; the last axis of arrays is the block.
+
+    Attributes:
+        values: (channels, times, block) V and S, anything beyond the record.
+        count: (block,) samples; so are `step`, `gas`, `wall` and `volume`, as in `Block`.
+        weight: (channels, block) 1/σ².
+        elapsed: (times, block) of uneven samples, else None.
+    """
+
+    values: Any
+    count: Any
+    step: Any
+    gas: Any
+    wall: Any
+    volume: Any
+    weight: Any
+    elapsed: Any = None
+
+    def block(self) -> Block:
+        """As the search of white noise had it."""
+        y, mean = centred(self.values, self.count)
+        inside = (jnp.arange(y.shape[1])[:, None] < self.count).astype(float)
+        power = total(self.weight[c] * jnp.sum(y[c] ** 2, axis=0) for c in range(2))
+        return Block(
+            y, mean, power, self.count, self.step, self.weight, self.gas, self.wall, self.volume, self.elapsed, inside
+        )
+
+
+class Remembering(NamedTuple):
+    """A block whose noise is autocorrelated.
+
+    Attributes:
+        block: Its data.
+        whitened: (channels, times, block) data with the memory taken out.
+        phi: (channels, block).
+        memory: (channels, times, block) over the step that leads to each uneven sample, 0 at the first; else None.
+        ends: (channels, 3, block) the first of `whitened`, their sum and their sum of squares.
+        count, power: As in `Block`; the power is that of the whitened data.
+    """
+
+    block: Block
+    whitened: jax.Array
+    phi: jax.Array
+    memory: jax.Array | None
+    ends: jax.Array
+    count: jax.Array
+    power: jax.Array
+
+
+class Waves(NamedTuple):
+    """The basis of an even record: what leads from a sample to the one before, and closed sums.
+
+    Attributes:
+        rate, cosine, sine: (modes, block) of one step back, e^σ and the turn.
+        first: (8, 1) the basis at the first sample.
+        gram: (8, 8, block) of all samples but the first.
+        sums: (8, block) of the same.
+    """
+
+    grown: jax.Array
+    cosine: jax.Array
+    sine: jax.Array
+    first: jax.Array
+    gram: jax.Array
+    sums: jax.Array
+
+    def earlier(self, x: jax.Array, sign: int = 1) -> jax.Array:
+        """From what is linear in b_k, (8, …), the same of b_(k-1); of b_(k+1) where `sign` is -1."""
+        size = self.grown if sign > 0 else 1 / self.grown
+        turned = []
+        for part in (x[:4], x[4:]):
+            for m in range(2):
+                a, b, c, s = part[2 * m], part[2 * m + 1], size * self.cosine[m], sign * size * self.sine[m]
+                turned += [c * a + s * b, c * b - s * a]
+        waves, late = jnp.stack(turned[:4]), jnp.stack(turned[4:])
+        return jnp.concatenate([waves, late - sign * waves])
+
+
+def waves_of(modes: Shape, data: Block) -> tuple[Waves, jax.Array, jax.Array]:
+    """The basis of an even record; and Re z, Im z (modes, block)."""
+    go = data.count[0] >= 0
+    decay, turn = modes.rate * data.step, modes.damped * data.step
+    G, sums = gram(decay, turn, data.count, go)
+    first = jnp.array([1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0])[:, None]
+    G = G + sums[:, None] * sums[None] / data.count - first[:, None] * first[None]
+    size = jnp.exp(-decay)
+    cosine, sine = jnp.cos(turn), jnp.sin(turn)
+    return Waves(1 / size, cosine, sine, first, G, sums - first), size * cosine, size * sine
+
+
+def basis(modes: Shape, data: Block) -> Float[Array, "9 times block"]:
+    """The eight functions and the constant at every sample, 0 where there is none."""
+    size = data.values.shape[1]
+    decay, turn = modes.rate * data.step, modes.damped * data.step
+    if data.elapsed is None:
+        # powers by doubling: z^t for twice as many t costs one product each
+        a, b = jnp.exp(-decay) * jnp.cos(turn), jnp.exp(-decay) * jnp.sin(turn)
+        r, i = jnp.ones_like(a)[None], jnp.zeros_like(a)[None]
+        while r.shape[0] < size:
+            r, i = jnp.concatenate([r, r * a - i * b]), jnp.concatenate([i, r * b + i * a])
+            a, b = a * a - b * b, 2 * a * b
+        waves = jnp.stack([r[:size, 0], i[:size, 0], r[:size, 1], i[:size, 1]])
+        samples = jnp.arange(size, dtype=float)[:, None]
+    else:
+        samples = data.elapsed / data.step
+        fade = jnp.exp(-decay * samples)
+        waves = jnp.stack([fade * wave(turn[m] * samples) for m in range(2) for wave in (jnp.cos, jnp.sin)])
+    waves = waves * data.inside
+    return jnp.concatenate([waves, samples * waves, data.inside[None]])
+
+
+def whitened(rows: jax.Array, memory: jax.Array, inside: jax.Array) -> jax.Array:
+    """Rows (…, times, block) with the memory taken out, as `noise.whiten`."""
+    before = jnp.concatenate([jnp.zeros_like(rows[..., :1, :]), rows[..., :-1, :]], axis=-2)
+    return inside * (rows - memory * before) / jnp.sqrt(1 - memory**2)
+
+
+def centred_sums(G: jax.Array, d: jax.Array, power: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
+    """Of nine functions, the constant last: sums at right angles to it, and its share.
+
+    Args:
+        G: (9, 9, block) Gram matrix.
+        d: (9, block) with the data.
+        power: (block,) of the data.
+
+    Returns:
+        (8, 8, block), (8, block), (block,), and (9, block): what the constant has of the eight and of the data.
+    """
+    share = jnp.concatenate([G[8, :8], d[8:]]) / G[8, 8]
+    return (
+        G[:8, :8] - G[:8, 8, None] * share[None, :8],
+        d[:8] - G[:8, 8] * share[8],
+        power - d[8] * share[8],
+        share,
+    )
+
+
+def even_sums(waves: Waves, phi: jax.Array, d: jax.Array, ends: jax.Array, count: jax.Array):
+    """`centred_sums` of one channel of an even record, whitened, from closed sums.
+
+    Args:
+        waves: The basis.
+        phi: (block,) memory.
+        d: (8, block) of the whitened data with the basis, every sample.
+        ends: (3, block) the first of the whitened data, their sum and their sum of squares.
+        count: Samples.
+    """
+    root = jnp.sqrt(1 - phi**2)
+    fresh = lambda x: (x - phi * waves.earlier(x)) / root  # noqa: E731
+    level, first, (start, whole, power) = (1 - phi) / root, waves.first, ends
+    G = fresh(jnp.swapaxes(fresh(waves.gram), 0, 1)) + first[:, None] * first[None]
+    side = level * fresh(waves.sums) + first
+    d = fresh(d - start * first) + start * first
+    corner = level**2 * (count - 1) + 1
+    of_constant = level * (whole - start) + start
+    G = jnp.concatenate([jnp.concatenate([G, side[None]]), jnp.concatenate([side, corner[None]])[:, None]], axis=1)
+    return centred_sums(G, jnp.concatenate([d, of_constant[None]]), power)
+
+
+def uneven_sums(b: jax.Array, y: jax.Array, memory: jax.Array, inside: jax.Array):
+    """The same of an uneven record, sample by sample; `b` (9, times, block) as it is, `y` whitened."""
+    b = whitened(b, memory, inside)
+    G = jnp.stack([jnp.sum(b * one, axis=1) for one in b])
+    return centred_sums(G, jnp.sum(b * y, axis=1), jnp.sum(y * y, axis=0))
+
+
+def look(unknowns: Float[Array, "unknowns block"], data: Remembering) -> Look:
+    """As `batch_kernel.look`, of autocorrelated noise; the sums are the offsets (channels, block)."""
+    one = data.block
+    go = data.count[0] >= 0
+    modes = stage(lambda u: shape(u, one), go, unknowns)
+    if data.memory is None:
+        waves, real, imag = waves_of(modes, one)
+        d = data_sums(data.whitened, real, imag, go)
+        parts = [
+            stage(lambda w, d, c=c: even_sums(w, data.phi[c], d[c], data.ends[c], data.count), go, waves, d)
+            for c in range(2)
+        ]
+    else:
+        b = basis(modes, one)
+        parts = [uneven_sums(b, data.whitened[c], data.memory[c], one.inside) for c in range(2)]
+    G, d = jnp.stack([p[0] for p in parts]), jnp.stack([p[1] for p in parts])
+    power = total(one.weight[c] * parts[c][2] for c in range(2))
+    at = projected(modes, d, G, power, jnp.zeros((2, data.count.size)), one)
+    P = jnp.repeat(modes.shapes, 2, axis=1)
+    offset = [parts[c][3][8] - total(P[c, i] * at.linear[i] * parts[c][3][i] for i in range(4)) for c in range(2)]
+    return at._replace(sums=jnp.stack(offset))
+
+
+def amplitudes(modes: Shape, state: jax.Array) -> list[jax.Array]:
+    """Cosine and sine of the slow mode, then of the fast one, from ΔV, ΔS and their rates at the first sample."""
+    V, S = modes.shapes
+    determinant = V[0] * S[1] - V[1] * S[0]
+    apart = lambda v, s: ((v * S[1] - s * V[1]) / determinant, (s * V[0] - v * S[0]) / determinant)  # noqa: E731
+    cosine, rate = apart(state[0], state[1]), apart(state[2], state[3])
+    sine = [(rate[m] + modes.rate * cosine[m]) / modes.damped[m] for m in range(2)]
+    return [cosine[0], sine[0], cosine[1], sine[1]]
+
+
+class Left(NamedTuple):
+    """What is left of a block, and the sums that the tests of `noise` ask for; (channels, block) each.
+
+    Attributes:
+        residual: (channels, times, block) model less data, weighted, 0 beyond the record.
+        power: Its sum of squares.
+        mean: Its mean.
+        neighbours: Sum of products of neighbours, the mean taken out.
+        above, changes: Samples above the mean, and changes of sign.
+        halves: (2, channels, block) sums of the root of its size, in the first half and in all.
+    """
+
+    residual: Any
+    power: Any
+    mean: Any
+    neighbours: Any
+    above: Any
+    changes: Any
+    halves: Any
+
+
+@eqx.filter_jit
+@lanewise
+def residual(unknowns: jax.Array, linear: jax.Array, rest: jax.Array, given: Given) -> Left:
+    """What is left of every record.
+
+    Args:
+        unknowns: (4, block).
+        linear: (4, block) ΔV, ΔS and their rates at the first sample.
+        rest: (2, block) V and S at rest.
+        given: The records.
+    """
+    size, count = given.values.shape[1], given.count
+    inside = (jnp.arange(size)[:, None] < count).astype(float)
+    values = jnp.where(inside > 0, given.values, 0.0)
+    plain = Block(
+        values, rest, count, count, given.step, given.weight, given.gas, given.wall, given.volume, given.elapsed, inside
+    )
+    go = count[0] >= 0
+    modes = stage(lambda u: shape(u, plain), go, unknowns)
+
+    def left(modes):
+        C, P = amplitudes(modes, linear), jnp.repeat(modes.shapes, 2, axis=1)
+        if given.elapsed is None:
+            curve = jnp.stack(
+                [_motion([P[c, i] * C[i] for i in range(4)], modes, given.step, go, size) for c in (0, 1)]
+            )
+        else:
+            b = basis(modes, plain)
+            curve = jnp.stack([total(P[c, i] * C[i] * b[i] for i in range(4)) for c in range(2)])
+        return jnp.sqrt(given.weight)[:, None] * inside * (curve + rest[:, None] - values)
+
+    r = stage(left, go, modes)
+    mean = stage(lambda r: jnp.sum(r, axis=1) / count, go, r)
+    e = stage(lambda r, mean: jnp.where(jnp.arange(size)[:, None] < count, r - mean[:, None], 0.0), go, r, mean)
+    root = stage(lambda r: jnp.sqrt(jnp.abs(r)), go, r)
+
+    def sums(r, e, root):
+        after = jnp.arange(1, size)[:, None] < count
+        change = ((e[:, 1:] > 0) != (e[:, :-1] > 0)) & after
+        early = jnp.arange(size)[:, None] < jnp.floor(count / 2)
+        halves = jnp.stack([jnp.sum(jnp.where(early, root, 0.0), axis=1), jnp.sum(root, axis=1)])
+        neighbours = jnp.sum(e[:, 1:] * e[:, :-1], axis=1)
+        number = lambda mark: jnp.sum(jnp.where(mark, 1.0, 0.0), axis=1)  # noqa: E731
+        return jnp.sum(r * r, axis=1), neighbours, number(e > 0), number(change), halves
+
+    power, neighbours, above, changes, halves = stage(sums, go, r, e, root)
+    return Left(r, power, mean, neighbours, above, changes, halves)
+
+
+def _motion(C: list[jax.Array], modes: Shape, step: jax.Array, go: jax.Array, size: int) -> jax.Array:
+    """(times, block) of one channel at even samples: every sixteenth by doubling, those between from it in one pass."""
+    decay, turn = modes.rate * step, modes.damped * step
+    fade = jnp.exp(-decay)
+    groups = size // INNER
+    real, imag, lengths = stage(lambda x, y: powers(x, y, groups), go, fade * jnp.cos(turn), fade * jnp.sin(turn))
+
+    def starts(C, lengths):
+        # c1 Re z^t + c2 Im z^t = Re((c1 - i c2) z^t)
+        a, b = jnp.stack([C[0], C[2]])[None], -jnp.stack([C[1], C[3]])[None]
+        for x, y in lengths:
+            a, b = jnp.concatenate([a, a * x - b * y]), jnp.concatenate([b, a * y + b * x])
+        return a[:groups, None], b[:groups, None]
+
+    a, b = stage(starts, go, C, lengths)
+    return total(a[:, :, m] * real[None, :, m] - b[:, :, m] * imag[None, :, m] for m in range(2)).reshape(size, -1)
+
+
+@eqx.filter_jit
+@lanewise
+def columns(unknowns: jax.Array, state: jax.Array, free: jax.Array, given: Given) -> jax.Array:
+    """(channels, 9, times, block) columns of the Jacobian at the minimum of white noise, weighted.
+
+    Args:
+        unknowns: (4, block).
+        state: (4, block) ΔV, ΔS and their rates at the first sample.
+        free: (4,) 1 for a constant whose column is wanted, else 0.
+        given: The records.
+    """
+    data = given.block()
+    modes = shape(unknowns, data)
+    b, X = basis(modes, data), tangents(amplitudes(modes, state), modes, data.step)
+    P, found = jnp.repeat(modes.shapes, 2, axis=1), []
+    for c in range(2):
+        rows = [free[u] * total(X[c, u, j] * b[j] for j in range(8)) for u in range(4)]
+        rows += [P[c, i] * b[i] for i in range(4)] + [b[8]]
+        found.append(jnp.sqrt(data.weight[c]) * jnp.stack(rows))
+    return jnp.stack(found)
+
+
+def products(waves: Waves, r: jax.Array, d: jax.Array, count: jax.Array, last: jax.Array) -> list[jax.Array]:
+    """Of basis, constant and residual, each (10, 10, block): the first sample's product; the products of every later
+    sample with itself, of it with the one before (both ways added), and of the one before with itself.
+
+    Args:
+        waves: The basis.
+        r: (times, block) residual, 0 beyond the record.
+        d: (8, block) of the residual with the basis.
+        count: Samples.
+        last: (8, block) the basis at the last sample.
+    """
+    whole, first, start = jnp.sum(r, axis=0), waves.first * jnp.ones_like(count), r[0]
+    end = jnp.sum(jnp.where(jnp.arange(r.shape[0])[:, None] == count - 1, r, 0.0), axis=0)
+    power, neighbours = jnp.sum(r * r, axis=0), jnp.sum(r[1:] * r[:-1], axis=0)
+    back, on = waves.earlier, lambda x: waves.earlier(x, -1)
+    G, sums = waves.gram, waves.sums
+    with_late, with_early = d - start * first, d - end * last
+    turned = back(G)  # Σ b_(k-1) b_k
+
+    def matrix(block, constant, residual, corner, between, square):
+        top = jnp.concatenate([block, constant[:, None], residual[:, None]], axis=1)
+        middle = jnp.concatenate([constant, corner[None], between[None]])
+        bottom = jnp.concatenate([residual, between[None], square[None]])
+        return jnp.concatenate([top, middle[None], bottom[None]])
+
+    n, one = count - 1, jnp.ones_like(count)
+    return [
+        matrix(first[:, None] * first[None], first, start * first, one, start, start**2),
+        matrix(G, sums, with_late, n, whole - start, power - start**2),
+        matrix(
+            turned + jnp.swapaxes(turned, 0, 1), sums + back(sums), on(with_early) + back(with_late), 2 * n,
+            2 * whole - start - end, 2 * neighbours,
+        ),
+        matrix(back(jnp.swapaxes(turned, 0, 1)), back(sums), with_early, n, whole - end, power - end**2),
+    ]  # fmt: skip
+
+
+@eqx.filter_jit
+@lanewise
+def memory_of(unknowns: jax.Array, state: jax.Array, free: jax.Array, r: jax.Array, given: Given) -> jax.Array:
+    """(channels, block) φ of greatest restricted likelihood of evenly sampled records.
+
+    Args:
+        unknowns, state, free: As in `columns`.
+        r: (channels, times, block) residual, from `residual`.
+        given: The records.
+    """
+    data = given.block()
+    go = data.count[0] >= 0
+    modes = stage(lambda u: shape(u, data), go, unknowns)
+    waves, real, imag = waves_of(modes, data)
+    d = data_sums(r, real, imag, data.count[0] >= 0)
+    ends = data.count - 1
+    size, angle = jnp.exp(-modes.rate * data.step * ends), modes.damped * data.step * ends
+    last = jnp.stack([size * wave(angle[m]) for m in range(2) for wave in (jnp.cos, jnp.sin)])
+    last = jnp.concatenate([last, ends * last])
+    X = stage(lambda modes: tangents(amplitudes(modes, state), modes, data.step), go, modes)
+    P = jnp.repeat(modes.shapes, 2, axis=1)
+
+    def of_columns(M, c):
+        """Of (J, r) from those of (b, 1, r)."""
+
+        def rows(M):
+            moved = [free[u] * total(X[c, u, j] * M[j] for j in range(8)) for u in range(4)]
+            return jnp.stack([*moved, *(P[c, i] * M[i] for i in range(4)), M[8], M[9]])
+
+        return rows(jnp.swapaxes(rows(M), 0, 1))
+
+    each = []
+    for c in range(2):
+        parts = stage(lambda w, r, d, c=c: products(w, r[c], d[c], data.count, last), go, waves, r, d)
+        each.append([stage(lambda M, c=c: of_columns(M, c), go, M) for M in parts])
+    # both channels side by side, as lanes of their own
+    start, late, cross, early = (jnp.concatenate(pair, axis=-1) for pair in zip(*each, strict=True))
+    count = jnp.concatenate([data.count, data.count])
+    length = jnp.sqrt(jnp.maximum(jnp.einsum("iib->ib", start + late), 1e-300))
+    unit = length[:, None] * length[None]
+    start, late, cross, early = (part / unit for part in (start, late, cross, early))
+    used = 5.0 + jnp.sum(free)
+
+    def cost(phi):
+        M = start + (late - phi * cross + phi**2 * early) / (1 - phi**2)
+        L = cholesky(listed(M), count[0] >= 0)
+        logs = total(-2 * jnp.log(L[j][j]) for j in range(9))
+        return (count - 1) * jnp.log(1 - phi**2) + logs - (count - used) * 2 * jnp.log(L[9][9])
+
+    return _least(cost, jnp.zeros_like(count), jnp.full_like(count, STRONGEST)).reshape(2, -1)
+
+
+def _least(cost: Any, low: jax.Array, high: jax.Array) -> jax.Array:
+    """Where a function of every lane is least, by golden section."""
+
+    def step(_, state):
+        low, high, left, right, at_left, at_right = state
+        down = at_left < at_right  # the least lies below `right`
+        low, high = jnp.where(down, low, left), jnp.where(down, right, high)
+        new = jnp.where(down, high - SHARE * (high - low), low + SHARE * (high - low))
+        seen = cost(new)
+        left, right = jnp.where(down, new, right), jnp.where(down, left, new)
+        return low, high, left, right, jnp.where(down, seen, at_right), jnp.where(down, at_left, seen)
+
+    left, right = high - SHARE * (high - low), low + SHARE * (high - low)
+    low, high, *_ = jax.lax.fori_loop(0, SECTIONS, step, (low, high, left, right, cost(left), cost(right)))
+    return (low + high) / 2
+
+
+class Again(NamedTuple):
+    """Fits with autocorrelated noise: as the fields of `LaneResult`; the cost is that of the whitened residual."""
+
+    unknowns: Any
+    cost: Any
+    normal: Any
+    status: Any
+    steps: Any
+    state: Any
+    omega: Any
+
+
+@eqx.filter_jit
+@lanewise
+def again(
+    start: jax.Array, phi: jax.Array, memory: jax.Array | None, low: jax.Array, high: jax.Array, given: Given
+) -> tuple[Again, Again]:
+    """The fits again with the memory of the noise, and what they were where they began.
+
+    Args:
+        start: (4, block) the minimum of white noise.
+        phi: (channels, block).
+        memory: (channels, times, block) over the step to each sample of uneven records, else None.
+        low, high: (4, block) bounds.
+        given: The records.
+    """
+    block = given.block()
+    over = memory
+    if over is None:
+        later = jnp.arange(block.values.shape[1])[:, None] > 0
+        over = jnp.where(later, phi[:, None], 0.0)
+    go = block.count[0] >= 0
+    y = stage(lambda y, m: jnp.stack([whitened(y[c], m[c], block.inside) for c in range(2)]), go, block.values, over)
+    ends = stage(lambda y: jnp.stack([y[:, 0], jnp.sum(y, axis=1), jnp.sum(y * y, axis=1)], axis=1), go, y)
+    power = total(block.weight[c] * ends[c, 2] for c in range(2))
+    data = Remembering(block, y, phi, memory, ends, block.count, power)
+    first = begin(start, data, look)
+    return _read(descend(first, data, low, high, look), block), _read(first, block)
+
+
+def _read(search: Any, data: Block) -> Again:
+    """A search as it stands."""
+    modes, at = shape(search.unknowns, data), search.look
+    cosine, sine = at.linear[0::2], at.linear[1::2]
+    rates = modes.damped * sine - modes.rate * cosine
+    motion = [total(modes.shapes[c, m] * x[m] for m in range(2)) for x in (cosine, rates) for c in range(2)]
+    state = jnp.stack([*motion, *(data.mean[c] + at.sums[c] for c in range(2))])
+    omega = jnp.sqrt(modes.damped**2 + modes.rate**2)
+    return Again(search.unknowns, at.cost, at.normal, search.status, search.steps, state, omega)
