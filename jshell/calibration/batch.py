@@ -19,11 +19,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from jshell.calibration import batch_diffrax
+from jshell.calibration.agreement import rests_elsewhere
 from jshell.calibration.batch_examine import nothing_studied, remember, study
 from jshell.calibration.batch_kernel import BlockInput, LaneResult, solve_blocks
 from jshell.calibration.batch_result import BatchResult, read
 from jshell.calibration.options import choices_of
-from jshell.calibration.recordings import Bucket, Recordings, bucketed, rest_states, stacked
+from jshell.calibration.recordings import Bucket, Recordings, bucketed, mean_volumes, rest_states, stacked
 from jshell.calibration.records import EQUILIBRIA
 from jshell.calibration.starts import find_modes, strict_start
 from jshell.errors import BadName, BadValue
@@ -136,6 +137,9 @@ class _Batch:
                 "traces", found="uneven or missing samples", expected="even ones for diffrax", remedy="Use exact."
             )
         self.volume, self.pressure, self.buckled = rest_states(records, equilibrium)
+        if equilibrium == "plateau":
+            # a record that rests where its shell cannot is of another shell
+            self.unusable = self.unusable | (self.buckled & rests_elsewhere(mean_volumes(records), self.volume))
         of = lambda name: np.broadcast_to(np.asarray(getattr(records.conditions, name), float), (self.rows,))  # noqa: E731
         self.gas_pressure, self.kappa, self.viscosity = of("gas_pressure"), of("kappa"), of("viscosity")
         self.area_modulus = 0.5 / (1 - of("poisson_ratio"))

@@ -206,6 +206,16 @@ def _plateau(conditions: Reduced) -> RestState:
     return buckled_state(conditions)
 
 
+def mean_volumes(records: Recordings) -> np.ndarray:
+    """(rows,) mean of V over the samples that are there; NaN where there are none."""
+    volumes = np.asarray(records.values)[:, 0]
+    there = np.isfinite(volumes)
+    if records.counts is not None:
+        there = there & (np.arange(volumes.shape[1]) < np.asarray(records.counts)[:, None])
+    with np.errstate(invalid="ignore"):
+        return np.sum(volumes, axis=1, where=there) / np.sum(there, axis=1)
+
+
 def rest_states(records: Recordings, equilibrium: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """V_e, P_e of every record, NaN where the record itself is to tell; and whether the shell is buckled."""
     rows = np.shape(records.values)[0]

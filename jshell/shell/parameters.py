@@ -142,18 +142,18 @@ class Scales:
     density: Any
 
     @property
-    def time(self) -> float:
+    def time(self) -> Any:
         """sqrt(ρ_f R0³/(E d)) [s]."""
         ratio: Any = self.density / self.pressure
         root: Any = jnp.sqrt(ratio) if isinstance(ratio, jax.Array) else float(np.sqrt(ratio))
         return self.length * root
 
     @property
-    def frequency(self) -> float:
+    def frequency(self) -> Any:
         """What ω̂ = 1 is in cycles per second [Hz]."""
         return 1 / (2 * np.pi * self.time)
 
-    def of(self, dimension: str) -> float:
+    def of(self, dimension: str) -> Any:
         """SI value of one internal unit of a dimension (`length`, `volume`, …)."""
         length, time, pressure = self.length, self.time, self.pressure
         return {

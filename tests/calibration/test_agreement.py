@@ -80,6 +80,11 @@ def test_a_nonlinear_fit_of_another_shell_is_unusable(ring):
     assert fit_nonlinear([ring, changed(ring, V=2.19)]).outcome == (Outcome.OK, Outcome.UNUSABLE_DATA)
 
 
+def test_a_row_of_a_batch_of_another_shell_is_unusable_and_hurts_no_other(ring):
+    found = fit_batch([ring, changed(ring, V=2.19), changed(ring, V=1e-5), ring])
+    assert [outcome.word for outcome in found.outcomes] == ["ok", "unusable_data", "unusable_data", "ok"]
+
+
 HELD = (("attached", "0.33"),)
 
 

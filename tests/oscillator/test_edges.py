@@ -9,7 +9,8 @@ import pytest
 
 import jshell as js
 from jshell.errors import Outcome, RangeWarning
-from jshell.oscillator import SOURCE, Coefficients, frequencies, harmonics, simulate, spectrum
+from jshell.oscillator import SOURCE, Coefficients, frequencies, harmonics, simulate
+from jshell.oscillator.spectrum import spectrum
 
 BUCKLED = ("omega_minus", "omega_plus", "volume", "pressure", "stability_margin")
 
