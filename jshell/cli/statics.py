@@ -76,6 +76,8 @@ def rest(
         "gap": found.gap,
     }
     numbers = {key: value if ok else None for key, value in numbers.items()}
+    # of a wall that touches itself this is the reason
+    numbers["clearance"] = found.clearance if np.isfinite(found.clearance) else None
     stable = bool(found.stability > 0) if ok else None
     if as_json:
         say({**numbers, "stable": stable, "branch": branch, "outcome": outcome, "conditions": problem.record()})
@@ -88,6 +90,7 @@ def rest(
             "P_ext": "outer pressure [E d/R0]",
             "elastic": "elastic energy [E d R0^2]",
             "gap": "poles apart [R0]",
+            "clearance": "room between facing walls [R0]",
         }
         rows = [(words[key], value) for key, value in numbers.items()]
         typer.echo(table([*rows, ("stable", {True: "yes", False: "no", None: "–"}[stable])], ("at rest", "value")))
@@ -149,7 +152,7 @@ def branch(
         axes = drawing.deflation(found, threshold=threshold, maxwell=maxwell)
         drawing.save(axes.figure, plot)
         log(f"drawn: {plot}")
-    # a branch that ends where the poles touch has been followed to its end
+    # a branch that ends where the wall touches itself has been followed to its end
     finish(Outcome.OK if found.outcome == Outcome.CONTACT else found.outcome)
 
 

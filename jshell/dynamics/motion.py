@@ -17,7 +17,7 @@ The rate of q that the method carries lags behind the true velocity by a
 fraction of a step; velocities are read from the last two stages instead.
 
 Symbols    q coordinates, u velocities, p momenta   U potential energy   h element length
-Valid for  small η̂; poles apart
+Valid for  small η̂; a wall that does not touch itself
 Source     Hamilton's equations (equivalent to Bernoulli on the moving wall);
            Jansen, Whiting and Hulbert 2000 for the step
 """

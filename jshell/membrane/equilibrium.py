@@ -6,7 +6,7 @@ stable or not. What has been found carries its derivative in the conditions;
 where the nodes are is not differentiated.
 
 Symbols    q coordinates [R0]   V volume [R0³]   P inner pressure, ΔP pressure difference [E d/R0]
-Valid for  as the elastic energy; poles apart
+Valid for  as the elastic energy; a wall that does not touch itself
 Source     implicit function theorem for the derivative
 """
 

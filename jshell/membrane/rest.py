@@ -4,7 +4,8 @@ The door: options, warnings, and what is tried when a thin shell is not found at
 once.
 
 Symbols    V volume [R0³]   P inner pressure, ΔP pressure difference [E d/R0]
-Valid for  as the elastic energy; poles apart; axial symmetry, which real dimples lose below d̂ ~ 0.05
+Valid for  as the elastic energy; a wall that does not touch itself; axial symmetry, which real dimples lose below
+           d̂ ~ 0.05
 Source     Mokbel et al. 2021, numerical method
 """
 

@@ -77,8 +77,9 @@ def harmonics(
     """
     # an order that is folded is left out of the fit as well, where it would share another's samples
     told = angular_frequency * jnp.asarray(orders) * (times[-1] - times[0]) / (times.size - 1) <= jnp.pi
+    weight = jnp.where(told, 1.0, 0.0)[None]
     angle = angular_frequency * times[:, None] * jnp.asarray(orders)[None]
-    basis = jnp.concatenate([jnp.ones((times.size, 1)), told[None] * jnp.cos(angle), told[None] * jnp.sin(angle)], axis=1)
+    basis = jnp.concatenate([jnp.ones((times.size, 1)), weight * jnp.cos(angle), weight * jnp.sin(angle)], axis=1)
     flat = values.reshape(times.size, -1)
     found = jnp.linalg.lstsq(basis, flat)[0]
     k = len(orders)

@@ -57,7 +57,7 @@ def deflation(
         if maxwell is not None and maxwell.outcome == Outcome.OK:
             ax.plot([maxwell.volume_ratio], [maxwell.difference], "*", color=GREEN, markersize=8, label="Maxwell point")
         if branch.outcome == Outcome.CONTACT:
-            ax.plot(V[-1:], p[-1:], "X", color=ORANGE, label="poles touch")
+            ax.plot(V[-1:], p[-1:], "X", color=ORANGE, label="wall touches itself")
         ax.set_xlim(min(0.28, V.min() - 0.02), 1.01)
         ax.set_ylim(bottom=0.0)
         ax.set_xlabel("volume V/V₀")
