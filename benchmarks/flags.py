@@ -60,10 +60,10 @@ def one_mode(which: int) -> Callable[[int], FitResult]:
 
 
 def too_short(seed: int) -> FitResult:
-    """A twentieth of a slow period."""
+    """A seventh of a slow period; shorter ones are refused."""
     shell = random_shell(seed)
     omega = float(js.oscillator.frequencies(shell.conditions, shell.coefficients).omega_minus)
-    return fit_trajectories(random_trace(shell, seed, duration=0.05 * 2 * np.pi / omega, samples=400))
+    return fit_trajectories(random_trace(shell, seed, duration=2 * np.pi / omega / 7, samples=400))
 
 
 def two_decays(factor: float) -> Callable[[int], FitResult]:
@@ -108,7 +108,7 @@ KINDS: dict[str, tuple[str, Callable[[int], FitResult]]] = {
     "V only, one pressure": ("undetermined", volume_alone),
     "slow mode only": ("undetermined", one_mode(0)),
     "fast mode only": ("undetermined", one_mode(1)),
-    "a twentieth of a period": ("undetermined", too_short),
+    "a seventh of a period": ("undetermined", too_short),
     "two decays, β2 × 2": ("misfit", two_decays(2.0)),
     "two decays, β2 × 0.5": ("misfit", two_decays(0.5)),
     "P0 10 % too high": ("misfit", wrong_condition("gas_pressure", 1.1)),

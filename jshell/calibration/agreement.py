@@ -18,7 +18,7 @@ from jshell.shell.elasticity import SPHERE_AREA, SPHERE_VOLUME
 from jshell.trace import Trace
 
 REST_BOUND = 0.25  # relative distance of a rest volume from the plateau law's at which a record is refused
-LEVELS = {"S": (0.75 * SPHERE_AREA, 1.25 * SPHERE_AREA), "H": (0.5, 2.4), "W": (1.4, 2.8)}
+LEVELS = {"S": (0.75 * SPHERE_AREA, 1.25 * SPHERE_AREA), "H": (0.5, np.pi), "W": (1.4, np.pi)}  # π: half a meridian
 HEIGHT_OVER_WIDTH = 1.02  # a dimple lowers the height and widens the shell; more is two columns exchanged
 EXCURSION = 0.3  # a length or area with a level below this is an excursion [R0]
 PERIODS = 0.5  # of the fastest motion a shell has: a shorter record shows none
@@ -79,7 +79,9 @@ def refuse_rest(volume: float, plateau: float, values: Float[np.ndarray, " times
         UnusableData: More than a quarter off.
     """
     known = values[np.isfinite(values)]
-    if known.min() < 0 < known.max() or not rests_elsewhere(volume, plateau):
+    # where few samples tell where a record settles, they tell no more than where it is
+    level = float(np.median(known))
+    if known.min() < 0 < known.max() or not (rests_elsewhere(volume, plateau) and rests_elsewhere(level, plateau)):
         return
     low, high = (1 - REST_BOUND) * plateau, (1 + REST_BOUND) * plateau
     raise UnusableData(

@@ -68,8 +68,8 @@ def clearance(
         >>> import jax.numpy as jnp
         >>> from jshell.contour import clearance, meridian
         >>> sphere = meridian(16)
-        >>> print(clearance(sphere, sphere.sphere, jnp.full(80, 0.2)).round(6))
-        1.8
+        >>> print(f"{clearance(sphere, sphere.sphere, jnp.full(80, 0.2)):.6f}")
+        1.800000
     """
     curve = shape.at_points(q)
     pace = speed(curve)

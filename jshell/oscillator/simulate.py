@@ -100,9 +100,12 @@ def frequencies(conditions: Reduced, coefficients: Coefficients, law: str = "cou
 
 def _warn_of_edges(found: Frequencies, spherical: jax.Array) -> None:
     """Warn near the model's stability limit, and where the sphere is stable as well (one concrete shell only)."""
-    if isinstance(found.outcome, Tracer) or np.ndim(found.outcome) or int(found.outcome) != Outcome.OK:
+    margin, spherical, outcome = jax.lax.stop_gradient((found.stability_margin, spherical, found.outcome))
+    if any(isinstance(part, Tracer) or np.ndim(part) for part in (margin, spherical, outcome)):
         return
-    margin = float(found.stability_margin)
+    if int(outcome) != Outcome.OK:
+        return
+    margin = float(margin)
     if margin < NEAR_LIMIT:
         warnings.warn(
             f"at {margin:.3f} times the stability limit of the short model: omega_minus goes to 0 there, a limit that "

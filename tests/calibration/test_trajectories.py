@@ -238,7 +238,7 @@ def test_projected_residual_is_that_of_the_best_linear_parameters():
 
 def test_strict_loss_refuses_other_channels():
     trace = random_trace(random_shell(3), 3, samples=100)
-    other = Trace(trace.times, {"V": trace["V"], "H": trace["S"]}, trace.conditions)
+    other = Trace(trace.times, {"V": trace["V"], "H": trace["S"] / 8}, trace.conditions)
     with pytest.raises(BadName, match="V and S"):
         fit_trajectories(other, "strict")
     with pytest.raises(BadName, match="modal"):

@@ -136,6 +136,7 @@ def table(path: Path, loads: tuple[float, ...]) -> Path:
     return path
 
 
+@pytest.mark.filterwarnings("ignore:at this load the sphere:jshell.errors.RangeWarning")
 def test_fit_of_a_table_finds_the_constants_that_made_it(monkeypatch, tmp_path):
     found = answer(monkeypatch, "fit", "--table", table(tmp_path / "f.csv", (1.1, 1.2, 1.4)))
     assert found["outcome"] == "ok"
@@ -241,6 +242,7 @@ def test_a_path_that_cannot_be_written_is_refused_before_the_work(option, monkey
     assert found["place"] == option
 
 
+@pytest.mark.filterwarnings("ignore:at this load the sphere:jshell.errors.RangeWarning")
 def test_a_table_with_a_negative_frequency_is_refused(monkeypatch, tmp_path):
     path = table(tmp_path / "f.csv", (1.1, 1.2, 1.4))
     path.write_text(path.read_text().replace("1.2,", "1.2,-", 1))

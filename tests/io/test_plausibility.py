@@ -174,7 +174,7 @@ def test_every_quantity_that_is_ranged_is_in_the_registry():
 
 def test_a_reduced_simulation_is_left_alone(tmp_path):
     trace = Trace(
-        np.arange(0, 70, 0.05), {"V": np.full(1400, 2.9)}, Reduced(0.22, 0.9, 1.6), scales=Scales(1.0, 1.0, 1.0)
+        np.arange(0, 70, 0.05), {"V": np.full(1400, 2.9)}, Reduced(0.22, 0.9, 1.6), scales=Scales(0.0225, 1.1e5, 1260.0)
     )
     for units in ("reduced", "si"):
         write_trace(tmp_path / "a.csv", trace, units)
