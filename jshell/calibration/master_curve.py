@@ -42,6 +42,7 @@ from jshell.errors import BadValue, Outcome, RangeWarning
 
 __all__ = ["WEIGHTINGS", "fit_frequencies", "model", "scatter", "start_from_data", "weighted"]
 WEIGHTINGS = tuple(one for one in choices_of("weighting") if one is not None)
+NEARER = 0.4  # of the usual scatter: around a minimum that one start alone has found
 LEAST_AGREEING = 2  # starts in the best minimum, where several were made: one alone found it by chance
 SECOND_SHAPE = "add a second pressure or shape, or fix alpha2"
 
@@ -91,6 +92,15 @@ def fit_frequencies(
     ending = from_many_starts(
         table_residual, (space, rows, weighting), jnp.asarray(space.seen(natural)), *_limits(space)
     )
+    best, same = best_of(ending, _square_size(rows, weighting))
+    if starts and same.sum() < LEAST_AGREEING:
+        # the others may all have ended where k_VS is 0: starts around the best tell whether it is found again
+        nearer = scatter(np.asarray(space.natural(ending.unknowns[best])), starts, seed + 1, NEARER)
+        again = from_many_starts(
+            table_residual, (space, rows, weighting), jnp.asarray(space.seen(nearer)), *_limits(space)
+        )
+        if best_of(again, _square_size(rows, weighting))[1].sum() >= LEAST_AGREEING:
+            ending, natural = again, nearer
     found = _result(ready, space, weighting, ending, natural, [str(w.message) for w in caught])
     if found.outcome == Outcome.OK:
         other = next(name for name in WEIGHTINGS if name != weighting)
@@ -111,10 +121,15 @@ def V_size(rows: Frequencies) -> float:
     return float(np.sqrt(np.nansum((np.asarray(rows.volume)[:, None] * np.asarray(rows.omega)) ** 2)))
 
 
-def scatter(first: np.ndarray, count: int, seed: int) -> np.ndarray:
-    """The start from the data, and random ones around it: masses by factors of about 1.6, k² of about 2.5."""
+def _square_size(rows: Frequencies, weighting: str) -> float:
+    """Sum of squares of the data as a weighting takes them, by its order of magnitude."""
+    return V_size(rows) ** (2 if weighting == "V_e omega" else 4)
+
+
+def scatter(first: np.ndarray, count: int, seed: int, share: float = 1.0) -> np.ndarray:
+    """A start, and random ones around it: masses by factors of about 1.6, k² of about 2.5; or a share of that."""
     random = np.random.default_rng(seed)
-    spread = np.array([0.5, 0.5, 0.9])
+    spread = share * np.array([0.5, 0.5, 0.9])
     return np.vstack([first, first * np.exp(spread * random.standard_normal((count, first.size)))])
 
 
@@ -137,7 +152,7 @@ def _result(
 ) -> FitResult:
     rows = ready.rows
     measured = int(np.isfinite(rows.omega).sum())
-    best, same = best_of(ending, V_size(rows) ** (2 if weighting == "V_e omega" else 4))
+    best, same = best_of(ending, _square_size(rows, weighting))
     values = np.asarray(space.natural(ending.unknowns[best]))
     shown, begin = space.reported(values), space.reported(natural[best])
 

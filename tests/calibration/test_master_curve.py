@@ -173,7 +173,7 @@ def test_wrong_tables_are_refused():
 
 def test_starts_that_disagree_are_not_hidden(monkeypatch):
     """A start that never becomes a number stands for one that ends elsewhere."""
-    broken = lambda first, count, seed: np.vstack([first, np.full(3, np.nan)])  # noqa: E731
+    broken = lambda first, count, seed, *share: np.vstack([first, np.full(3, np.nan)])  # noqa: E731
     monkeypatch.setattr(master_curve, "scatter", broken)
     with pytest.warns(FitWarning, match="only 1 of 2 starts"):
         found = fit_frequencies(_table(0.02))
