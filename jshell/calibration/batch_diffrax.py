@@ -18,16 +18,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jshell.calibration.batch_kernel import (
-    UNKNOWNS,
-    Block,
-    BlockInput,
-    LaneResult,
-    PreparedBlock,
-    found_of,
-    prepare,
-    shape,
-)
+from jshell.calibration.batch_kernel import BlockInput, LaneResult, PreparedBlock, found_of, prepare
+from jshell.calibration.batch_shape import UNKNOWNS, Block, shape
 from jshell.signals.lane_search import Look, begin, descend
 from jshell.signals.lanes import backward, cholesky, forward, lanewise, listed, total
 

@@ -25,93 +25,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jshell.calibration.batch_shape import UNKNOWNS, Block, Shape, shape
 from jshell.calibration.data import SMALLEST_NOISE
 from jshell.shell.elasticity import SPHERE_VOLUME
 from jshell.signals.lane_search import Look, Search, begin, descend
 from jshell.signals.lanes import backward, centred, cholesky, forward, lanewise, listed, spreads, stage, total
 from jshell.signals.pencil_batch import poles
 from jshell.signals.wave_sums import data_sums, gram, uneven_sums
-
-UNKNOWNS = 4
-
-
-class Block(eqx.Module):
-    """Traces side by side.
-
-    Attributes:
-        values: V and S less their means, 0 beyond the record; times are a multiple of INNER.
-        mean: Their means.
-        power: Weighted sum of squares of `values`.
-        count: Samples of each record.
-        step: Time between samples.
-        weight: (channels, block) 1/σ² of each channel.
-        gas: κ P_e/V_e, stiffness of the volume.
-        wall: K_A/4π, stiffness of the area.
-        volume: V_e.
-        elapsed: Times of each sample where they are uneven or some are missing, else None.
-        inside: 1 for a sample, 0 for none; with `elapsed`.
-    """
-
-    values: Float[Array, "channels times block"]
-    mean: Float[Array, "channels block"]
-    power: Float[Array, " block"]
-    count: Float[Array, " block"]
-    step: Float[Array, " block"]
-    weight: Float[Array, "channels block"]
-    gas: Float[Array, " block"]
-    wall: Float[Array, " block"]
-    volume: Float[Array, " block"]
-    elapsed: Any = None
-    inside: Any = None
-
-
-class Shape(NamedTuple):
-    """Two modes: rates, shapes, and their derivatives by the unknowns.
-
-    Attributes:
-        damped: (2, block) Ω.
-        rate: σ.
-        shapes: (channels, modes, block) (V_m, S_m), of mass one.
-        damped_slope: (unknowns, modes, block).
-        shape_slope: (channels, unknowns, modes, block), less the part along the mode itself.
-        sound: Whether both modes turn.
-    """
-
-    damped: jax.Array
-    rate: jax.Array
-    shapes: jax.Array
-    damped_slope: jax.Array
-    shape_slope: jax.Array
-    sound: jax.Array
-
-
-def shape(unknowns: Float[Array, "unknowns block"], data: Block) -> Shape:
-    """Modes of given constants, with derivatives by perturbation of M and K."""
-    alpha1, alpha2, k, rate = jnp.exp(unknowns[0]), jnp.exp(unknowns[1]), unknowns[2], jnp.exp(unknowns[3])
-    m1, m2 = alpha1 / (4 * jnp.pi), 2 * alpha2 * data.volume**2 / (9 * jnp.pi**3)
-    a, b, c = data.gas / m1, data.wall / m2, k / (data.volume * jnp.sqrt(m1 * m2))
-    half = (a - b) / 2
-    gap = jnp.sqrt(half * half + c * c)
-    fast = (a + b) / 2 + gap
-    slow = (a * b - c * c) / fast
-    x, y = jnp.where(half >= 0, gap + half, c), jnp.where(half >= 0, c, gap - half)
-    size = jnp.sqrt(x * x + y * y) + 1e-300
-    x, y = x / size, y / size
-    V, S = jnp.stack([-y, x]) / jnp.sqrt(m1), jnp.stack([x, y]) / jnp.sqrt(m2)
-
-    w2 = jnp.stack([slow, fast])
-    turning = w2 - rate**2
-    sound = (turning[0] > 1e-6 * fast) & (gap > 1e-9 * fast)
-    damped = jnp.sqrt(jnp.where(sound, turning, 1.0))
-    zero = jnp.zeros_like(w2)
-    own = jnp.stack([-w2 * m1 * V * V, -w2 * m2 * S * S, 2 * V * S / data.volume, -2 * jnp.stack([rate**2] * 2)])
-    cross = jnp.stack(
-        [-w2 * m1 * V[0] * V[1], -w2 * m2 * S[0] * S[1], (V[0] * S[1] + V[1] * S[0] + zero) / data.volume, zero]
-    )
-    apart = jnp.stack([slow - fast, fast - slow])
-    mixing = cross / jnp.where(sound, apart, 1.0)  # (unknowns, modes, block) of the other mode's shape
-    shapes = jnp.stack([V, S])
-    return Shape(damped, rate, shapes, own / (2 * damped), mixing[None] * shapes[:, None, ::-1], sound)
 
 
 def look(unknowns: Float[Array, "unknowns block"], data: Block) -> Look:

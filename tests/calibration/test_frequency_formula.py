@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jshell.calibration.batch_kernel import Block, shape
+from jshell.calibration.batch_shape import Block, shape
 from jshell.calibration.frequency_model import weighted
 from jshell.calibration.frequency_table import prepare
 from jshell.calibration.resampling import Resamples, look
