@@ -11,12 +11,13 @@ start, and for the next time.
 import gc
 import json
 import os
+import sys
 from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).parents[1]
 
-if "JAX_COMPILATION_CACHE_DIR" not in os.environ:  # JAX reads it when it is imported; workers inherit it
+if "JAX_COMPILATION_CACHE_DIR" not in os.environ:  # workers and the processes that tests start inherit it
     os.environ["JSHELL_PROGRAM_CACHE"] = "off"  # jshell's own folder is the user's
     from jshell import programs
 
@@ -26,6 +27,10 @@ if "JAX_COMPILATION_CACHE_DIR" not in os.environ:  # JAX reads it when it is imp
     os.environ["JAX_COMPILATION_CACHE_DIR"] = str(folder)
     os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.3")
     del os.environ["JSHELL_PROGRAM_CACHE"]
+    if "jax" in sys.modules:  # a plugin has imported it, and it has read the environment
+        sys.modules["jax"].config.update("jax_compilation_cache_dir", str(folder))
+        least = float(os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"])
+        sys.modules["jax"].config.update("jax_persistent_cache_min_compile_time_secs", least)
 
 import equinox as eqx
 import jax

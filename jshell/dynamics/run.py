@@ -176,8 +176,9 @@ def begin(setup: Setup, q, u, pressure: Scalar) -> tuple[Progress, Float[Array, 
     """The beginning of a run, and its first sample."""
     body = body_of(setup, setup.shape)
     state = initialise(body, q, u, pressure, setup.area)
-    never = jnp.asarray(jnp.inf)
-    events = Events(never, never, never, never, jnp.asarray(1.0))
+    # numbers of a set type, as the steps return them: a Python number's would have the steps compiled twice
+    never, stirred = jnp.asarray(jnp.inf, dtype=float), jnp.asarray(1.0, dtype=float)
+    events = Events(never, never, never, never, stirred)
     progress = Progress(setup.shape.nodes, state, jnp.asarray(int(Outcome.OK)), events)
     return progress, _sample(body, state, pressure, setup.area)
 
