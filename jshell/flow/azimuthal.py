@@ -52,30 +52,39 @@ def order_layers(shape: Meridian, q: Float[Array, "coordinates"], most: int) -> 
     # at a pole's own ring, of no radius, the kernels vanish; its rows are not used
     radius = shape.at_nodes(q)[1].at[jnp.array([0, -1])].set(1.0)[:, None]
     source, dipole = _kernels(far, radius, most)
-    far_source, far_dipole = shape.far * source, shape.far * dipole
+    far_source, far_dipole = shape.far[None] * source, shape.far[None] * dipole
     source, dipole = _kernels(near, radius, most)
-    near_source, near_dipole = shape.near.weights * source, shape.near.weights * dipole
+    weights = shape.near.weights[None]
+    near_source, near_dipole = weights * source, weights * dipole
     return OrderLayers(far_source, near_source, far_dipole, near_dipole, curve, local)
 
 
-def order_flow(
-    shape: Meridian, splines: Azimuthal, parts: OrderLayers, m: Int[Array, ""] | int
-) -> OrderFlow:
+def order_flow(shape: Meridian, splines: Azimuthal, parts: OrderLayers, m: Int[Array, ""] | int) -> OrderFlow:
     """The potential flow of order m >= 1; `parts` must hold that order."""
-    family = splines.potential(m)
-    far_dipole, near_dipole = parts.far_dipole[m], parts.near_dipole[m]
-    near = jnp.einsum("ns,nsk->nk", near_dipole, family.near)
-    green = family.nodes / 2 - far_dipole @ family.values[0] - near
-    # unknowns: as many functions as inner nodes; what is left is set to zero in the rows of the poles
-    green = jnp.where(_edge(green.shape[0])[:, None] | _edge(green.shape[1])[None], 0.0, green)
-    green = green + jnp.diag(_edge(green.shape[0]).astype(float))
-
     flux = flux_of_order(parts.curve, [f.values[0] for f in splines.motion(m)])
     beside = flux_of_order(parts.near_curve, [f.near for f in splines.motion(m)])
-    single = parts.far_source[m] @ flux + jnp.einsum("ns,nsk->nk", parts.near_source[m], beside)
-    potential = -jnp.linalg.solve(green, jnp.where(_edge(green.shape[0])[:, None], 0.0, single))
-    half = -jnp.pi / 2 * (flux.T * shape.weights[None]) @ (family.values[0] @ potential)
+    potential = potential_of_flux(shape, splines, parts, m, flux, beside)
+    half = -jnp.pi / 2 * (flux.T * shape.weights[None]) @ (splines.potential(m).values[0] @ potential)
     return OrderFlow(half + half.T, potential)
+
+
+def potential_of_flux(
+    shape: Meridian,
+    splines: Azimuthal,
+    parts: OrderLayers,
+    m: Int[Array, ""] | int,
+    flux: Float[Array, "points columns"],
+    beside: Float[Array, "nodes near columns"],
+) -> Float[Array, "nodes columns"]:
+    """Coefficients of φ of order m >= 1 for fluxes through the rings per θ, at the Gauss points and beside the nodes."""
+    family = splines.potential(m)
+    near = jnp.einsum("ns,nsk->nk", parts.near_dipole[m], family.near)
+    green = family.nodes / 2 - parts.far_dipole[m] @ family.values[0] - near
+    # unknowns: as many functions as inner nodes; what is left is set to zero in the rows of the poles
+    ends = jnp.zeros(green.shape[0], dtype=bool).at[jnp.array([0, -1])].set(True)
+    green = jnp.where(ends[:, None] | ends[None], 0.0, green) + jnp.diag(ends.astype(float))
+    single = parts.far_source[m] @ flux + jnp.einsum("ns,nsk->nk", parts.near_source[m], beside)
+    return -jnp.linalg.solve(green, jnp.where(ends[:, None], 0.0, single))
 
 
 def flux_of_order(curve: Curve, bases: list[Float[Array, "..."]]) -> Float[Array, "..."]:
@@ -85,15 +94,12 @@ def flux_of_order(curve: Curve, bases: list[Float[Array, "..."]]) -> Float[Array
     return jnp.concatenate([along * a, across * p, across * g], axis=-1)
 
 
-def _edge(size: int) -> Array:
-    return jnp.zeros(size, dtype=bool).at[jnp.array([0, size - 1])].set(True)
-
-
 def _kernels(where: Pairs, radius: Float[Array, "nodes 1"], most: int) -> tuple[Array, Array]:
     """Source and dipole of every order."""
     between = radius * where.radius
     t = where.shortest / (2 * between)
     Q = toroidal(t, most)
     P = downhill(t, Q)
-    scale = 1 / (2 * jnp.pi * jnp.sqrt(between))
-    return Q * scale, (P * (2 * where.radius * where.bend - where.x_slope) + where.x_slope * Q / 2) * scale
+    scale = (1 / (2 * jnp.pi * jnp.sqrt(between)))[None]
+    slope, bent = where.x_slope[None], (2 * where.radius * where.bend - where.x_slope)[None]
+    return Q * scale, (P * bent + slope * Q / 2) * scale

@@ -35,7 +35,7 @@ def toroidal(t: Float[Array, "..."], most: int) -> Float[Array, "orders ..."]:
         >>> import jax.numpy as jnp
         >>> from jshell.flow.toroidal import toroidal
         >>> print(toroidal(jnp.array(1.0), 2).round(6))
-        [1.311029 0.174907 0.035557]
+        [1.656638 0.224014 0.045159]
     """
     chi = 1 + t
     K, E = complete(t / (2 + t))
@@ -62,18 +62,18 @@ def toroidal(t: Float[Array, "..."], most: int) -> Float[Array, "orders ..."]:
     near = [zeroth, chi * zeroth - (2 + t) * k * E]
     for m in range(1, most):
         near.append((4 * m * chi * near[-1] - (2 * m - 1) * near[-2]) / (2 * m + 1))
-    return jnp.where(t < UPWARDS, jnp.stack(near), jnp.stack(far))
+    return jnp.where((t < UPWARDS)[None], jnp.stack(near), jnp.stack(far))
 
 
 def downhill(t: Float[Array, "..."], values: Float[Array, "orders ..."]) -> Float[Array, "orders ..."]:
     """-t dQ_{m-1/2}/dt from the functions themselves; tends to 1/2 at the ring."""
     orders = jnp.arange(values.shape[0]).reshape(-1, *[1] * t.ndim)
     before = jnp.concatenate([values[1:2], values[:-1]])  # the order -1 is the order 1
-    return -(orders - 0.5) * ((1 + t) * values - before) / (2 + t)
+    return -(orders - 0.5) * ((1 + t)[None] * values - before) / (2 + t)[None]
 
 
 @toroidal.defjvp
 def _derivatives(most, primals, tangents):
     (t,), (dt,) = primals, tangents
     values = toroidal(t, most)
-    return values, -downhill(t, values) * (dt / t)
+    return values, -downhill(t, values) * (dt / t)[None]

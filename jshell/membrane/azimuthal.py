@@ -22,13 +22,15 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from jshell.contour import Azimuthal, Curve, Meridian
 from jshell.membrane.energy import Area, Wall
 from jshell.shell.elasticity import Scalar
 
 JETS = 17  # displacement across the axis (2), then five derivatives of position with three components each
+STIFF = 1e6  # of coordinates that may not move, among the eigenvalues
+DEPENDENT = 1e-9  # squared share of a null motion that the others do not hold: less is rounding
 LOCAL = 9  # a, b, c with first and second θ-derivatives
 
 
@@ -93,19 +95,14 @@ def jet_matrix(m: Scalar | Int[Array, ""]) -> Float[Array, "17 9"]:
     return jnp.stack(rows)
 
 
-class Forms(NamedTuple):
-    """Quadratic forms of a motion at the Gauss points, (points, 9, 9) in (a, b + c, b - c) with their derivatives."""
-
-    energy: Float[Array, "points 9 9"]
-    square: Float[Array, "points"]
-
-
-_TO_COMPONENTS = np.kron(np.array([[1, 0, 0], [0, 0.5, 0.5], [0, 0.5, -0.5]]), np.eye(3))
+def to_components() -> Float[Array, "9 9"]:
+    """From (a, b + c, b - c) to (a, b, c), each with its θ-derivatives."""
+    return jnp.asarray(np.kron(np.array([[1, 0, 0], [0, 0.5, 0.5], [0, 0.5, -0.5]]), np.eye(3)))
 
 
 def local_form(hessians: Float[Array, "points 17 17"], m: Scalar | Int[Array, ""]) -> Float[Array, "points 9 9"]:
     """Energy of order m at the Gauss points as a form in (a, b + c, b - c) and their θ-derivatives, φ integrated."""
-    T = jet_matrix(m) @ _TO_COMPONENTS
+    T = jet_matrix(m) @ to_components()
     weight = jnp.where(m == 0, 2 * jnp.pi, jnp.pi)
     return weight * jnp.einsum("ja,pjk,kb->pab", T, hessians, T)
 
@@ -132,7 +129,7 @@ def gram(splines: Azimuthal, shape: Meridian, m: Int[Array, ""] | int) -> Float[
     """Integral of the squared displacement over the stress-free sphere as a form, m >= 1 [R0²]."""
     weights = jnp.pi * shape.weights * jnp.sin(shape.angles)
     a, p, g = (family.values[0] for family in splines.motion(m))
-    form = lambda basis, share: share * (basis.T * weights) @ basis  # noqa: E731
+    form = lambda basis, share: share * (basis.T * weights[None]) @ basis  # noqa: E731
     none = jnp.zeros((splines.size, splines.size))
     return jnp.block([[form(a, 1.0), none, none], [none, form(p, 0.5), none], [none, none, form(g, 0.5)]])
 
@@ -145,22 +142,73 @@ def null_motions(
     A wall of the same thickness everywhere may take its dimple elsewhere; that column is zero where it may not
     (`uniform` false), and all are where a pad holds the shell.
     """
+    if shape.attached:
+        return jnp.zeros((3 * splines.size, 3))
     curve = shape.at_points(q)
     one, no = jnp.ones_like(curve.x), jnp.zeros_like(curve.x)
-    cotangent = jnp.cos(shape.angles) / jnp.sin(shape.angles)
-    wander = curve.x1, curve.r1 - curve.r * cotangent, curve.r1 + curve.r * cotangent
-    motions = [(no, no, 2 * one), (-curve.r, no, 2 * curve.x), tuple(jnp.where(uniform, part, 0.0) for part in wander)]
-    moves = splines.moving(1).reshape(3, -1)
-    columns = [
-        jnp.concatenate([_nearest(f.values[0], shape, part, may) for f, part, may in zip(families, motion, moves)])
-        for families, motion in zip([splines.motion(1)] * 3, motions, strict=True)
-    ]
-    return jnp.stack(columns, axis=1) * (0.0 if shape.attached else 1.0)
+    around = curve.r * jnp.cos(shape.angles) / jnp.sin(shape.angles)
+    wander = tuple(jnp.where(uniform, part, 0.0) for part in (curve.x1, curve.r1 - around, curve.r1 + around))
+    motions = (no, no, 2 * one), (-curve.r, no, 2 * curve.x), wander
+    return jnp.stack([nearest_motion(splines, shape, motion, 1) for motion in motions], axis=1)
 
 
-def _nearest(basis, shape: Meridian, values, may):
-    """Coefficients of the splines nearest to values at the Gauss points; those that may not move are zero."""
-    weighted = basis.T * shape.weights[None]
-    keep = may[:, None] & may[None]
-    system = jnp.where(keep, weighted @ basis, 0.0) + jnp.diag(jnp.where(may, 0.0, 1.0))
-    return jnp.linalg.solve(system, jnp.where(may, weighted @ values, 0.0))
+def nearest_motion(
+    splines: Azimuthal, shape: Meridian, motion: tuple[Float[Array, "points"], ...], m: Int[Array, ""] | int
+) -> Float[Array, "coordinates"]:
+    """Coordinates of the splines nearest to a motion (a, b + c, b - c) at the Gauss points."""
+    may = splines.moving(m).reshape(3, -1)
+
+    def nearest(basis, values, may):
+        weighted = basis.T * shape.weights[None]
+        keep = may[:, None] & may[None]
+        system = jnp.where(keep, weighted @ basis, 0.0) + jnp.diag(jnp.where(may, 0.0, 1.0))
+        return jnp.linalg.solve(system, jnp.where(may, weighted @ values, 0.0))
+
+    parts = zip((family.values[0] for family in splines.motion(m)), motion, may, strict=True)
+    return jnp.concatenate([nearest(*part) for part in parts])
+
+
+class Order(NamedTuple):
+    """Stiffness of one order m; coordinates that may not move are stiff, and on their own.
+
+    Attributes:
+        m: The order.
+        K: K_m [E d]. gram: Integral of the squared displacement over the stress-free sphere [R0²].
+        nulls: Motions that cost nothing, orthonormal in `gram`; zero columns where there are fewer than three.
+        moving: Which coordinates may move.
+    """
+
+    m: Int[Array, ""]
+    K: Float[Array, "coordinates coordinates"]
+    gram: Float[Array, "coordinates coordinates"]
+    nulls: Float[Array, "coordinates 3"]
+    moving: Bool[Array, "coordinates"]
+
+
+def order_of(
+    shape: Meridian,
+    splines: Azimuthal,
+    hessians: Float[Array, "points 17 17"],
+    nulls: Float[Array, "coordinates 3"],
+    m: Int[Array, ""],
+) -> Order:
+    """One order m >= 1 of a shape, from what all orders share: `point_hessians` and `null_motions`."""
+    moving = splines.moving(m)
+    N = only(gram(splines, shape, m), moving, 1.0)
+    K = only(stiffness_of_order(splines, hessians, m), moving, STIFF)
+    none = jnp.where(m == 1, nulls, 0.0)
+    return Order(m, K, N, orthonormal(none, N), moving)
+
+
+def only(matrix: Float[Array, "rows rows"], moving: Bool[Array, "rows"], diagonal: float) -> Float[Array, "rows rows"]:
+    """The matrix without its links to what may not move, which gets a diagonal."""
+    return jnp.where(moving[:, None] & moving[None], matrix, 0.0) + jnp.diag(jnp.where(moving, 0.0, diagonal))
+
+
+def orthonormal(columns: Float[Array, "rows few"], form: Float[Array, "rows rows"]) -> Float[Array, "rows few"]:
+    """A basis of what the columns span, orthonormal in a form; zeros fill up where they are dependent."""
+    size = jnp.sqrt(jnp.sum(columns * (form @ columns), axis=0))
+    unit = columns / jnp.where(size > 0, size, 1.0)[None]
+    values, turns = jnp.linalg.eigh(unit.T @ form @ unit)
+    present = values > DEPENDENT
+    return unit @ (turns * jnp.where(present, 1 / jnp.sqrt(jnp.where(present, values, 1.0)), 0.0)[None])

@@ -24,6 +24,7 @@ from jshell.contour import (
     gap,
     height,
     regrade,
+    resampled,
     rim_breaks,
     thinned,
     transfer,
@@ -68,6 +69,9 @@ class RestShape(eqx.Module):
         outcome: Integer of `Outcome`: ok, not_converged, contact, no_buckled_state or out_of_range.
         difference: Outer less inner pressure, ΔP [E d/R0].
         elastic: Elastic energy [E d R0²].
+        meridian, profile: Its discretisation; thickness over its nominal value at the Gauss points [-].
+        conditions: What it was asked for under; where a volume was, the outer pressure found is `outer_pressure`.
+        energy: Which elastic energy, `area` of `rest`.
     """
 
     coordinates: Float[Array, "coordinates"]
@@ -82,6 +86,8 @@ class RestShape(eqx.Module):
     profile: Float[Array, "points"]
     difference: Float[Array, ""]
     elastic: Float[Array, ""]
+    conditions: Reduced
+    energy: str = eqx.field(static=True)
 
     @readable
     def __repr__(self) -> str:
@@ -119,11 +125,11 @@ def reworked(
     area: str,
     volume_ratio: Float[Array, ""] | None,
 ) -> RestShape:
-    """A rest shape of a plain wall settled anew on other nodes, of a mesh like `base`."""
+    """A rest shape settled anew on other nodes, of a mesh like `base`; the thickness of its wall comes along."""
     # the old shape, read off at the new nodes, is close enough for Newton to start from
     shape = regrade(base, breaks)
     start = transfer(found.coordinates, found.meridian, shape)
-    profile = jnp.ones_like(shape.angles)
+    profile = resampled(found.profile, found.meridian, shape)
     if volume_ratio is None:
         return settle(shape, conditions, profile, start, branch, area)
     wanted = volume_ratio * SPHERE_VOLUME
@@ -280,4 +286,6 @@ def measured(
         profile=profile,
         difference=jnp.asarray(difference),
         elastic=elastic,
+        conditions=conditions,
+        energy=str(area),
     )

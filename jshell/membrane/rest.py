@@ -98,10 +98,10 @@ def blanked(found: RestShape) -> RestShape:
     failed = found.outcome != Outcome.OK
     overlapping = found.outcome == Outcome.CONTACT
     room = undetermined(failed & ~overlapping, (found.gap, found.clearance))
-    numbers = undetermined(failed, eqx.tree_at(lambda s: s.meridian, found, None))
-    return eqx.tree_at(
-        lambda s: (s.meridian, s.gap, s.clearance), numbers, (found.meridian, *room), is_leaf=lambda x: x is None
-    )
+    given = lambda s: (s.meridian, s.conditions)  # noqa: E731
+    numbers = undetermined(failed, eqx.tree_at(given, found, (None, None)))
+    kept = lambda s: (s.meridian, s.conditions, s.gap, s.clearance)  # noqa: E731
+    return eqx.tree_at(kept, numbers, (*given(found), *room), is_leaf=lambda x: x is None)
 
 
 def judged(found: RestShape, thickness: Scalar) -> RestShape:
