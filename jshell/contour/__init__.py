@@ -8,7 +8,7 @@ from jshell.contour.mesh import breakpoints, carry, meridian, regrade, resampled
 from jshell.contour.seeds import NO_WEAK_SPOT, WeakSpot, compressed_sphere, dimple, dimple_breaks, thinned, wall_profile
 
 __all__ = [
-    "NO_WEAK_SPOT", "Azimuthal", "Curve", "Family", "Meridian", "WeakSpot", "area", "azimuthal", "breakpoints", "carry",
-    "clearance", "compressed_sphere", "dimple", "dimple_breaks", "gap", "height", "meridian", "poles", "regrade", "resampled", "rim_breaks", "speed", "thinned",
-    "transfer", "volume", "wall_profile", "width",
+    "NO_WEAK_SPOT", "Azimuthal", "Curve", "Family", "Meridian", "WeakSpot", "area", "azimuthal", "breakpoints",
+    "carry", "clearance", "compressed_sphere", "dimple", "dimple_breaks", "gap", "height", "meridian", "poles",
+    "regrade", "resampled", "rim_breaks", "speed", "thinned", "transfer", "volume", "wall_profile", "width",
 ]  # fmt: skip

@@ -65,13 +65,14 @@ class Azimuthal(eqx.Module):
         """Splines of the liquid's potential for order m."""
         return _either(m, self.potential_even, self.potential_odd)
 
-    def moving(self, m: Int[Array, ""] | int) -> Bool[Array, "coordinates"]:
+    def moving(self, m: Int[Array, ""] | int) -> Bool[Array, "motions"]:
         """Which of the coordinates (a, b + c, b - c) may move."""
         orders = m, m + 1, jnp.abs(m - 1)
         parts = zip(self.motion(m), orders, strict=True)
         return jnp.concatenate([(f.order >= jnp.minimum(k, ENOUGH)) & (f.order != DEAD) & ~f.held for f, k in parts])
 
 
+@eqx.filter_jit
 def azimuthal(shape: Meridian) -> Azimuthal:
     """The splines of a meridian; its breakpoints may be traced."""
     breaks = shape.nodes

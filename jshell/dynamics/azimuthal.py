@@ -24,7 +24,7 @@ from jshell.display import FREQUENCY, TIME, ended, number, readable, shown
 from jshell.dynamics.modes import LOSSLESS, RESIDUAL
 from jshell.dynamics.roots import Matrices, switched_on
 from jshell.errors import Outcome
-from jshell.flow.azimuthal import order_flow, order_layers
+from jshell.flow.azimuthal import OrderLayers, order_flow, order_layers
 from jshell.flow.azimuthal_layer import order_second, order_slip, order_wall
 from jshell.membrane import RestShape
 from jshell.membrane.azimuthal import Order, only, order_of, orthonormal
@@ -46,7 +46,7 @@ class OrderModes(eqx.Module):
         rate: Complex rate s [1/time].
         dH, dW: Change of height and width of the outline seen across the axis, along the mode with vᵀM v = 1: W by the
             best azimuth; H twice a period, since a ring that tilts is higher on one side. Zero for odd m and W [R0].
-        shapes: (orders, modes, coordinates) motions (a, b + c, b - c).
+        shapes: (orders, modes, motions) motions (a, b + c, b - c).
         outcome: Integer of `Outcome`: ok; not_converged where a root was lost; or how the rest shape ended.
         rest: The shape they are vibrations of.
     """
@@ -58,7 +58,7 @@ class OrderModes(eqx.Module):
     rate: Complex[Array, "orders modes"]
     dH: Float[Array, "orders modes"]
     dW: Float[Array, "orders modes"]
-    shapes: Complex[Array, "orders modes coordinates"]
+    shapes: Complex[Array, "orders modes motions"]
     outcome: Int[Array, "orders modes"]
     rest: RestShape
 
@@ -75,15 +75,16 @@ class OrderPencil(NamedTuple):
     """Matrices of one order on (a, b + c, b - c): stiffness with null motions and what may not move made stiff, added
     mass without null motions, slip and second order of the layer, the integral of the squared displacement."""
 
-    K: Float[Array, "coordinates coordinates"]
-    M: Float[Array, "coordinates coordinates"]
-    G: Float[Array, "coordinates coordinates"]
-    D: Float[Array, "coordinates coordinates"]
+    K: Float[Array, "motions motions"]
+    M: Float[Array, "motions motions"]
+    G: Float[Array, "motions motions"]
+    D: Float[Array, "motions motions"]
 
 
-@eqx.filter_jit
-def order_vibrations(state: RestShape, orders: Int[Array, "orders"], most: int, count: int, liquid: str) -> OrderModes:
-    """Vibrations of orders m >= 1 about a rest shape.
+def order_vibrations(
+    state: RestShape, orders: Int[Array, "orders"], most: int, count: int, liquid: str
+) -> OrderModes:
+    """Vibrations of orders m >= 1 about a rest shape; differentiable in its conditions.
 
     Args:
         state: The rest shape.
@@ -91,21 +92,25 @@ def order_vibrations(state: RestShape, orders: Int[Array, "orders"], most: int, 
         count: Modes of each order.
         liquid: `ideal`, `layer` or `second`.
     """
-    shape, q = state.meridian, state.coordinates
-    fixed = jax.lax.stop_gradient(shape)
-    splines, hessians, nulls = shared(eqx.tree_at(lambda s: s.meridian, state, fixed))
-    parts = order_layers(fixed, q, most)
+    state = eqx.tree_at(lambda s: s.meridian, state, jax.lax.stop_gradient(state.meridian))
+    parts = order_layers(state.meridian, state.coordinates, most)
+    return _vibrations(state, *shared(state), parts, orders, count, liquid)
+
+
+@eqx.filter_jit
+def _vibrations(state: RestShape, splines: Azimuthal, hessians, nulls, parts: OrderLayers, orders, count, liquid):
+    shape = state.meridian
     viscosity = jnp.zeros(()) if liquid == "ideal" else state.conditions.viscosity
 
     def one(m):
-        order = order_of(fixed, splines, hessians, nulls, m)
-        current = order_flow(fixed, splines, parts, m)
-        no = jnp.zeros_like(order.K)
-        G = D = no
+        order = order_of(shape, splines, hessians, nulls, m)
+        current = order_flow(shape, splines, parts, m)
+        G = D = jnp.zeros_like(order.K)
         if liquid != "ideal":
-            wall = order_wall(fixed, splines, parts, current, m)
-            G = only(order_slip(fixed, parts, wall), order.moving, 0.0)
-            D = only(order_second(fixed, splines, parts, wall, m), order.moving, 0.0) if liquid == "second" else no
+            wall = order_wall(shape, splines, parts, current, m)
+            G = only(order_slip(shape, parts, wall), order.moving, 0.0)
+        if liquid == "second":
+            D = only(order_second(shape, splines, parts, wall, m), order.moving, 0.0)
         pencil = deflated(order, only(current.mass, order.moving, 0.0), G, D)
         return order_roots(pencil, viscosity, count)
 

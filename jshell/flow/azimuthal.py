@@ -15,6 +15,7 @@ Source     Q_{m-1/2} as the ring potential: Cohl and Tohline 1999; the rest as i
 
 from typing import NamedTuple
 
+import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
@@ -39,13 +40,14 @@ class OrderFlow(NamedTuple):
 
     Attributes:
         mass: M_m, symmetric positive semidefinite [ρ_f R0³].
-        potential: (nodes, coordinates) coefficients of φ per unit coordinate velocity.
+        potential: (nodes, motions) coefficients of φ per unit coordinate velocity.
     """
 
-    mass: Float[Array, "coordinates coordinates"]
-    potential: Float[Array, "nodes coordinates"]
+    mass: Float[Array, "motions motions"]
+    potential: Float[Array, "nodes motions"]
 
 
+@eqx.filter_jit
 def order_layers(shape: Meridian, q: Float[Array, "coordinates"], most: int) -> OrderLayers:
     """Assemble the layers of every order up to `most` for a shape."""
     far, near, curve, local = pairs(shape, q)
@@ -76,7 +78,7 @@ def potential_of_flux(
     flux: Float[Array, "points columns"],
     beside: Float[Array, "nodes near columns"],
 ) -> Float[Array, "nodes columns"]:
-    """Coefficients of φ of order m >= 1 for fluxes through the rings per θ, at the Gauss points and beside the nodes."""
+    """Coefficients of φ of order m >= 1 for fluxes through the rings per θ, given at the Gauss points and near nodes."""
     family = splines.potential(m)
     near = jnp.einsum("ns,nsk->nk", parts.near_dipole[m], family.near)
     green = family.nodes / 2 - parts.far_dipole[m] @ family.values[0] - near

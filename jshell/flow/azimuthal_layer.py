@@ -33,11 +33,11 @@ from jshell.flow.wall_motion import (
     curvatures,
 )
 
-Matrix = Float[Array, "coordinates coordinates"]
+Matrix = Float[Array, "motions motions"]
 
 
 class OrderWall(NamedTuple):
-    """What motions of order m do at the wall, (points, coordinates) each.
+    """What motions of order m do at the wall, (points, motions) each.
 
     v, v_s, v_f: velocity across the wall and its slopes along and around it. u_s, u_f: the liquid's along and around.
     w_s, w_f: the slip along and around. Those around the axis go with sin mφ.
@@ -60,9 +60,8 @@ def order_wall(
     a, p, g = (family.values for family in splines.motion(m))
     no = jnp.zeros_like(a[0])
     wide = lambda *parts: jnp.concatenate(parts, axis=1)  # noqa: E731
-    motion = WallMotion(
-        wide(a[0], no, no), wide(no, p[0] / 2, g[0] / 2), wide(a[1], no, no), wide(no, p[1] / 2, g[1] / 2)
-    )
+    across = lambda k: wide(no, p[k] / 2, g[k] / 2)  # noqa: E731
+    motion = WallMotion(wide(a[0], no, no), across(0), wide(a[1], no, no), across(1))
     around = wide(no, p[0] / 2, -g[0] / 2)
 
     potential = splines.potential(m).values

@@ -19,6 +19,7 @@ Source     Mokbel et al. 2021: Eq:bend, Eq:stretch; Koiter's measures λκ - 1 b
 
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -77,6 +78,7 @@ def jet_of(curve: Curve) -> Float[Array, "17 ..."]:
     return jnp.stack([r, no, x1, r1, no, no, no, r, x2, r2, no, no, no, r1, no, -r, no])
 
 
+@eqx.filter_jit
 def point_hessians(
     shape: Meridian, q: Float[Array, "coordinates"], wall: Wall, difference: Scalar, area: Area | str
 ) -> Float[Array, "points 17 17"]:
@@ -86,7 +88,7 @@ def point_hessians(
     return jax.vmap(jax.hessian(local))(jets, wall) * shape.weights[:, None, None]
 
 
-def jet_matrix(m: Scalar | Int[Array, ""]) -> Float[Array, "17 9"]:
+def jet_matrix(m: Int[Array, ""] | int) -> Float[Array, "17 9"]:
     """The jet of a displacement of order m, without its cos mφ or sin mφ, from (a, a', a'', b, b', b'', c, c', c'')."""
     a0, a1, a2, b0, b1, b2, c0, c1, c2 = jnp.eye(LOCAL)
     around = lambda a, b, c: [-m * a, -m * b - c, m * c + b]  # noqa: E731
@@ -100,7 +102,7 @@ def to_components() -> Float[Array, "9 9"]:
     return jnp.asarray(np.kron(np.array([[1, 0, 0], [0, 0.5, 0.5], [0, 0.5, -0.5]]), np.eye(3)))
 
 
-def local_form(hessians: Float[Array, "points 17 17"], m: Scalar | Int[Array, ""]) -> Float[Array, "points 9 9"]:
+def local_form(hessians: Float[Array, "points 17 17"], m: Int[Array, ""] | int) -> Float[Array, "points 9 9"]:
     """Energy of order m at the Gauss points as a form in (a, b + c, b - c) and their θ-derivatives, φ integrated."""
     T = jet_matrix(m) @ to_components()
     weight = jnp.where(m == 0, 2 * jnp.pi, jnp.pi)
@@ -109,7 +111,7 @@ def local_form(hessians: Float[Array, "points 17 17"], m: Scalar | Int[Array, ""
 
 def stiffness_of_order(
     splines: Azimuthal, hessians: Float[Array, "points 17 17"], m: Int[Array, ""] | int
-) -> Float[Array, "coordinates coordinates"]:
+) -> Float[Array, "motions motions"]:
     """K_m on the coordinates (a, b + c, b - c), m >= 1 [E d]; rows and columns that may not move are not taken out."""
     form = local_form(hessians, m)
     bases = [family.values for family in splines.motion(m)]
@@ -125,7 +127,7 @@ def stiffness_of_order(
     return jnp.block([[upper[i, j] if i <= j else upper[j, i].T for j in range(3)] for i in range(3)])
 
 
-def gram(splines: Azimuthal, shape: Meridian, m: Int[Array, ""] | int) -> Float[Array, "coordinates coordinates"]:
+def gram(splines: Azimuthal, shape: Meridian, m: Int[Array, ""] | int) -> Float[Array, "motions motions"]:
     """Integral of the squared displacement over the stress-free sphere as a form, m >= 1 [R0²]."""
     weights = jnp.pi * shape.weights * jnp.sin(shape.angles)
     a, p, g = (family.values[0] for family in splines.motion(m))
@@ -134,9 +136,10 @@ def gram(splines: Azimuthal, shape: Meridian, m: Int[Array, ""] | int) -> Float[
     return jnp.block([[form(a, 1.0), none, none], [none, form(p, 0.5), none], [none, none, form(g, 0.5)]])
 
 
+@eqx.filter_jit
 def null_motions(
     splines: Azimuthal, shape: Meridian, q: Float[Array, "coordinates"], uniform: Array
-) -> Float[Array, "coordinates 3"]:
+) -> Float[Array, "motions 3"]:
     """Motions of order 1 that cost nothing: shift across the axis, turn about one across it, wandering of the dimple.
 
     A wall of the same thickness everywhere may take its dimple elsewhere; that column is zero where it may not
@@ -154,7 +157,7 @@ def null_motions(
 
 def nearest_motion(
     splines: Azimuthal, shape: Meridian, motion: tuple[Float[Array, "points"], ...], m: Int[Array, ""] | int
-) -> Float[Array, "coordinates"]:
+) -> Float[Array, "motions"]:
     """Coordinates of the splines nearest to a motion (a, b + c, b - c) at the Gauss points."""
     may = splines.moving(m).reshape(3, -1)
 
@@ -179,17 +182,17 @@ class Order(NamedTuple):
     """
 
     m: Int[Array, ""]
-    K: Float[Array, "coordinates coordinates"]
-    gram: Float[Array, "coordinates coordinates"]
-    nulls: Float[Array, "coordinates 3"]
-    moving: Bool[Array, "coordinates"]
+    K: Float[Array, "motions motions"]
+    gram: Float[Array, "motions motions"]
+    nulls: Float[Array, "motions 3"]
+    moving: Bool[Array, "motions"]
 
 
 def order_of(
     shape: Meridian,
     splines: Azimuthal,
     hessians: Float[Array, "points 17 17"],
-    nulls: Float[Array, "coordinates 3"],
+    nulls: Float[Array, "motions 3"],
     m: Int[Array, ""],
 ) -> Order:
     """One order m >= 1 of a shape, from what all orders share: `point_hessians` and `null_motions`."""

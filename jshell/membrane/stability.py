@@ -16,9 +16,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Float, Int
 
-from jshell.contour import Azimuthal, azimuthal, rim_breaks
+from jshell.contour import Azimuthal, Meridian, azimuthal, rim_breaks
 from jshell.display import ended, number, readable, shown
 from jshell.errors import BadShape, BadValue, Outcome
 from jshell.membrane.azimuthal import (
@@ -48,7 +49,7 @@ class Stability(eqx.Module):
     Attributes:
         orders: m.
         eigenvalues: Lowest of each order [E d/R0²]; negative where the shape is not round.
-        shapes: (orders, coordinates) the motions, coordinates (a, b + c, b - c), unit mean square integral.
+        shapes: (orders, motions) the motions, coordinates (a, b + c, b - c), unit mean square integral.
         rest: The rest shape on the elements that were enough.
         error: What the lowest eigenvalue still changed by [E d/R0²].
         outcome: ok; not_converged where no number of elements was enough; or how the rest shape ended.
@@ -56,7 +57,7 @@ class Stability(eqx.Module):
 
     orders: Int[Array, "orders"]
     eigenvalues: Float[Array, "orders"]
-    shapes: Float[Array, "orders coordinates"]
+    shapes: Float[Array, "orders motions"]
     rest: RestShape
     error: Float[Array, ""]
     outcome: Int[Array, ""]
@@ -182,24 +183,26 @@ def spread(state: RestShape, edge: int | None, elements: int) -> Float[Array, "n
     return jnp.where(k <= edge, moving, held)
 
 
-@eqx.filter_jit
 def spectrum(
     state: RestShape, orders: Int[Array, "orders"]
-) -> tuple[Float[Array, "orders"], Float[Array, "orders coordinates"]]:
+) -> tuple[Float[Array, "orders"], Float[Array, "orders motions"]]:
     """Lowest eigenvalue and motion of each order of a rest shape, on its own elements."""
-    splines, found = softest(jax.lax.stop_gradient(state), orders)
-    values, shapes = jax.lax.stop_gradient(found)
+    frozen = jax.lax.stop_gradient(state)
+    splines, hessians, nulls = shared(frozen)
+    values, shapes = jax.lax.stop_gradient(_softest(frozen.meridian, splines, hessians, nulls, orders))
+    if not isinstance(state.difference, Tracer):
+        return values, shapes
     # with the motion held, its energy carries the derivative of the eigenvalue
     energies = jax.vmap(lambda m, v: twice_energy(state, splines, m, v))(orders, shapes)
     return values + (energies - jax.lax.stop_gradient(energies)), shapes
 
 
-def softest(state: RestShape, orders: Int[Array, "orders"]):
-    """The splines, and the lowest eigenpair of each order."""
-    splines, hessians, nulls = shared(state)
+@eqx.filter_jit
+def _softest(shape: Meridian, splines: Azimuthal, hessians, nulls, orders):
+    """Lowest eigenvalue and motion of each order."""
 
     def lowest(m):
-        order = order_of(state.meridian, splines, hessians, nulls, m)
+        order = order_of(shape, splines, hessians, nulls, m)
         held = order.gram @ order.nulls
         L = jnp.linalg.cholesky(order.gram)
         half = jax.scipy.linalg.solve_triangular(L, order.K + HELD * held @ held.T, lower=True)
@@ -207,10 +210,10 @@ def softest(state: RestShape, orders: Int[Array, "orders"]):
         values, vectors = jnp.linalg.eigh((compact + compact.T) / 2)
         return values[0], jax.scipy.linalg.solve_triangular(L.T, vectors[:, 0], lower=False)
 
-    return splines, jax.vmap(lowest)(orders)
+    return jax.vmap(lowest)(orders)
 
 
-def shared(state: RestShape) -> tuple[Azimuthal, Float[Array, "points 17 17"], Float[Array, "coordinates 3"]]:
+def shared(state: RestShape) -> tuple[Azimuthal, Float[Array, "points 17 17"], Float[Array, "motions 3"]]:
     """What all orders of a rest shape share: splines, Hessians of the density, null motions."""
     shape, q = state.meridian, state.coordinates
     splines = azimuthal(shape)
@@ -220,7 +223,7 @@ def shared(state: RestShape) -> tuple[Azimuthal, Float[Array, "points 17 17"], F
     return splines, hessians, null_motions(splines, shape, q, uniform)
 
 
-def twice_energy(state: RestShape, splines: Azimuthal, m: Int[Array, ""], v: Float[Array, "coordinates"]):
+def twice_energy(state: RestShape, splines: Azimuthal, m: Int[Array, ""], v: Float[Array, "motions"]):
     """v·K_m v by the second derivative along v alone, m >= 1."""
     shape = state.meridian
     moduli = wall(shape, state.conditions, state.profile)
