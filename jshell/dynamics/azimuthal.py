@@ -11,28 +11,57 @@ Valid for  small amplitude; a layer thin against the shell and against its radiu
 Source     `jshell.membrane.azimuthal`, `jshell.flow.azimuthal`; the layer as in `roots`
 """
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import jax.scipy.linalg as jsl
+import numpy as np
 from jaxtyping import Array, Complex, Float, Int
 
-from jshell.contour import Azimuthal
+from jshell.contour import NO_WEAK_SPOT, Azimuthal, WeakSpot
 from jshell.display import FREQUENCY, TIME, ended, number, readable, shown
 from jshell.dynamics.modes import LOSSLESS, RESIDUAL
-from jshell.dynamics.roots import Matrices, switched_on
-from jshell.errors import Outcome
+from jshell.dynamics.order_roots import deflated, order_roots
+from jshell.errors import BadValue, Outcome, choose
 from jshell.flow.azimuthal import OrderLayers, order_flow, order_layers
 from jshell.flow.azimuthal_layer import order_second, order_slip, order_wall
-from jshell.membrane import RestShape
-from jshell.membrane.azimuthal import Order, only, order_of, orthonormal
-from jshell.membrane.stability import HELD, shared
+from jshell.membrane import RestShape, rest
+from jshell.membrane.azimuthal import only, order_of
+from jshell.membrane.energy import Area
+from jshell.membrane.equilibrium import raise_unless_ok
+from jshell.membrane.rest import Branch
+from jshell.membrane.stability import checked_orders, shared
+from jshell.shell.parameters import Reduced
 from jshell.undetermined import undetermined
 
-SHIFT = 4.0  # squared rate added while roots are sought: no growth of a rest shape is as fast [1/time²]
+ORDER_LIQUIDS = ("second", "layer", "ideal")
 GROUND = 1e-7  # of a squared rate: slower is rounding
+
+
+@dataclass(frozen=True)
+class OrderMode:
+    """One mode of one order as a table shows it; None where there is nothing to say.
+
+    Attributes:
+        azimuth, mode: m, and its number within that order, from 1.
+        omega, Omega: |s| and Im s [1/time]; None where it grows.
+        tau: Decay time [time]; None without loss or where it grows.
+        growth: Rate at which it grows [1/time], or None.
+        dH, dW: Change of height, twice a period, and of width of the outline; vᵀM v = 1 [R0].
+        outcome: `ok`, or why there is nothing.
+    """
+
+    azimuth: int
+    mode: int
+    omega: float | None
+    Omega: float | None
+    tau: float | None
+    growth: float | None
+    dH: float | None
+    dW: float | None
+    outcome: str
 
 
 class OrderModes(eqx.Module):
@@ -68,22 +97,71 @@ class OrderModes(eqx.Module):
             f"m = {int(m)}: ω {number(omega, FREQUENCY)}, τ {number(tau, TIME)}"
             for m, omega, tau in zip(self.orders, self.omega, self.tau, strict=True)
         ]
-        return shown(self, *lines, ended(jnp.max(self.outcome)))
+        return shown(self, *lines, ended(self.outcome))
+
+    def table(self) -> tuple[OrderMode, ...]:
+        """The modes as rows of plain numbers, by orders."""
+        finite = lambda x: float(x) if np.isfinite(x) else None  # noqa: E731
+        rows = []
+        for i, m in enumerate(np.asarray(self.orders).tolist()):
+            for k in range(self.omega.shape[1]):
+                real = float(jnp.real(self.rate[i, k]))
+                grows = real > GROUND
+                measured = (finite(part[i, k]) for part in (self.omega, self.Omega, self.tau, self.dH, self.dW))
+                omega, Omega, tau, dH, dW = measured
+                tau, growth = (None, real) if grows else (tau, None)
+                word = Outcome(int(self.outcome[i, k])).word
+                rows.append(OrderMode(m, k + 1, omega, Omega, tau, growth, dH, dW, word))
+        return tuple(rows)
 
 
-class OrderPencil(NamedTuple):
-    """Matrices of one order on (a, b + c, b - c): stiffness with null motions and what may not move made stiff, added
-    mass without null motions, slip and second order of the layer, the integral of the squared displacement."""
-
-    K: Float[Array, "motions motions"]
-    M: Float[Array, "motions motions"]
-    G: Float[Array, "motions motions"]
-    D: Float[Array, "motions motions"]
-
-
-def order_vibrations(
-    state: RestShape, orders: Int[Array, "orders"], most: int, count: int, liquid: str
+def azimuthal_modes(
+    conditions: Reduced,
+    azimuth: int | Sequence[int] = (1, 2, 3),
+    *,
+    count: int = 2,
+    liquid: str = "second",
+    branch: Branch | str = "buckled",
+    elements: int = 32,
+    attached: float = 0.0,
+    weak_spot: WeakSpot = NO_WEAK_SPOT,
+    area: Area | str = "current",
+    throw: bool = False,
 ) -> OrderModes:
+    """Vibrations of orders m >= 1 about a rest shape; those of m = 0 are `modes`.
+
+    Args:
+        conditions: The problem without units.
+        azimuth: m, one or several, from 1 to 40.
+        count: Modes of each, slowest first.
+        liquid: `second` or `layer`, a Stokes layer to that order, or `ideal`; the exact liquid is known for m = 0 only.
+        branch, elements, attached, weak_spot, area: As in `jshell.membrane.rest`.
+        throw: Raise `NotOk` unless rest shape and all modes are ok (outside `jit` only).
+
+    Raises:
+        BadName: No such liquid.
+        BadValue: Orders below 1 or above 40; `count` not between 1 and a quarter of the elements.
+
+    Example:
+        >>> import jshell as js
+        >>> found = js.dynamics.azimuthal_modes(js.presets.R.conditions, 2, liquid="ideal")
+        >>> print(found.omega.round(3))
+        [[1.339 2.396]]
+    """
+    choose("liquid", liquid, ORDER_LIQUIDS, remedy="second is right to 0.6 % in τ at η̂ = 0.004.")
+    orders = checked_orders(azimuth)
+    if not 1 <= count <= elements // 4:
+        raise BadValue("count", found=repr(count), expected=f"1 to {elements // 4}", remedy="Raise `elements`.")
+    state = rest(
+        conditions, branch=branch, elements=elements, attached=attached, weak_spot=weak_spot, area=area, throw=throw
+    )
+    found = order_vibrations(state, jnp.asarray(orders), max(2, int(orders.max())), count, liquid)
+    if throw:
+        raise_unless_ok("azimuthal modes", jnp.max(found.outcome))
+    return found
+
+
+def order_vibrations(state: RestShape, orders: Int[Array, "orders"], most: int, count: int, liquid: str) -> OrderModes:
     """Vibrations of orders m >= 1 about a rest shape; differentiable in its conditions.
 
     Args:
@@ -118,44 +196,6 @@ def _vibrations(state: RestShape, splines: Azimuthal, hessians, nulls, parts: Or
     return _measured(state, splines, orders, rate, vectors, residual)
 
 
-def deflated(order: Order, M, G, D) -> OrderPencil:
-    """The pencil of an order in which motions that cost nothing take no part."""
-    held = order.gram @ order.nulls
-    moved = M @ orthonormal(order.nulls, M)
-    # of a vibration M v is orthogonal to them; which of them it holds besides does not matter
-    return OrderPencil(order.K + HELD * held @ held.T, M - moved @ moved.T, G, D)
-
-
-def order_roots(pencil: OrderPencil, viscosity, count: int):
-    """Rates, their vectors and relative residuals, slowest first; differentiable in the pencil."""
-    frozen, given = jax.lax.stop_gradient((pencil, jnp.asarray(viscosity, dtype=float)))
-    # a shape that is not round has a negative K, but no K + SHIFT M
-    L = jnp.linalg.cholesky(frozen.K + SHIFT * frozen.M)
-    half = jsl.solve_triangular(L, frozen.M, lower=True)
-    compact = jsl.solve_triangular(L, half.T, lower=True)
-    values, vectors = jnp.linalg.eigh((compact + compact.T) / 2)
-    best = slice(-1, -1 - count, -1)
-    squared = 1 / values[best] - SHIFT
-    start = jsl.solve_triangular(L.T, vectors[:, best], lower=False).T.astype(complex)
-    none, nothing = jnp.zeros(frozen.K.shape[0]), jnp.zeros(0, dtype=int)
-    parts = Matrices(frozen.K, frozen.M, frozen.G, frozen.D, none, nothing, None)
-    root = jnp.sqrt(jnp.maximum(given, 1e-300))
-
-    def follow(squared, v):
-        sigma, v = switched_on(parts, root, jnp.sqrt(jnp.sqrt(-squared.astype(complex))), v)
-        sigma, v = jax.lax.stop_gradient((sigma, v / jnp.linalg.norm(v)))
-        now = jnp.sqrt(jnp.maximum(jnp.asarray(viscosity, dtype=float), 1e-300))
-        F = pencil.K + sigma**4 * pencil.M + sigma**3 * now * pencil.G + (sigma * now) ** 2 * pencil.D
-        slope = 4 * sigma**3 * frozen.M + 3 * sigma**2 * root * frozen.G + 2 * sigma * root**2 * frozen.D
-        left = jax.lax.stop_gradient(F) @ v
-        residual = jnp.linalg.norm(left) / (jnp.linalg.norm(frozen.K) * jnp.linalg.norm(v))
-        # ds/dp = -vᵀ(∂F/∂p)v / vᵀF'v: one more step carries the derivative
-        sigma = sigma - (v @ (F @ v)) / (v @ (slope @ v))
-        return sigma**2, v / jnp.sqrt(v @ (frozen.M @ v)), residual
-
-    return jax.vmap(follow)(squared, start)
-
-
 def _measured(state: RestShape, splines: Azimuthal, orders, rate, vectors, residual) -> OrderModes:
     """What is told of the roots: frequencies, and what a camera sees of them."""
     grows = jnp.real(rate) > GROUND
@@ -175,5 +215,16 @@ def _measured(state: RestShape, splines: Azimuthal, orders, rate, vectors, resid
     omega = undetermined(grows, jnp.abs(rate))
     Omega = undetermined(grows, jnp.imag(rate))
     nothing = outcome != Outcome.OK
-    numbers = undetermined(nothing, (omega, Omega, tau, rate, dH, dW, vectors))
-    return OrderModes(orders, *numbers, outcome, state)
+    omega, Omega, tau, rate, dH, dW, vectors = undetermined(nothing, (omega, Omega, tau, rate, dH, dW, vectors))
+    return OrderModes(
+        orders=orders,
+        omega=omega,
+        Omega=Omega,
+        tau=tau,
+        rate=rate,
+        dH=dH,
+        dW=dW,
+        shapes=vectors,
+        outcome=outcome,
+        rest=state,
+    )

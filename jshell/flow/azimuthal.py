@@ -78,7 +78,7 @@ def potential_of_flux(
     flux: Float[Array, "points columns"],
     beside: Float[Array, "nodes near columns"],
 ) -> Float[Array, "nodes columns"]:
-    """Coefficients of φ of order m >= 1 for fluxes through the rings per θ, given at the Gauss points and near nodes."""
+    """Coefficients of φ of order m >= 1 for fluxes per θ through the rings of Gauss points and of those near nodes."""
     family = splines.potential(m)
     near = jnp.einsum("ns,nsk->nk", parts.near_dipole[m], family.near)
     green = family.nodes / 2 - parts.far_dipole[m] @ family.values[0] - near

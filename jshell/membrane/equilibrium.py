@@ -10,6 +10,8 @@ Valid for  as the elastic energy; a wall that does not touch itself
 Source     implicit function theorem for the derivative
 """
 
+from functools import lru_cache
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -23,6 +25,7 @@ from jshell.contour import (
     dimple_breaks,
     gap,
     height,
+    meridian,
     regrade,
     resampled,
     rim_breaks,
@@ -34,7 +37,7 @@ from jshell.contour import (
     area as area_of,
 )
 from jshell.display import PRESSURE, ended, number, readable, shown
-from jshell.errors import Outcome
+from jshell.errors import NotOk, Outcome
 from jshell.membrane.energy import elastic_energy, wall
 from jshell.membrane.newton import (
     Equilibrium,
@@ -289,3 +292,16 @@ def measured(
         conditions=conditions,
         energy=str(area),
     )
+
+
+@lru_cache(maxsize=16)
+def cached_meridian(elements: int, attached: float) -> Meridian:
+    """The discretisation of a size and pad; built once."""
+    with jax.ensure_compile_time_eval():
+        return meridian(elements, attached)
+
+
+def raise_unless_ok(place: str, outcome: Int[Array, ""]) -> None:
+    """Raise `NotOk` for a concrete outcome other than ok."""
+    if int(outcome) != Outcome.OK:
+        raise NotOk(place, Outcome(int(outcome)))

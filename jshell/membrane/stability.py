@@ -32,8 +32,7 @@ from jshell.membrane.azimuthal import (
     to_components,
 )
 from jshell.membrane.energy import wall
-from jshell.membrane.equilibrium import RestShape, reworked
-from jshell.membrane.rest import cached_meridian, raise_unless_ok
+from jshell.membrane.equilibrium import RestShape, cached_meridian, raise_unless_ok, reworked
 
 HIGHEST = 40  # order: more than the thinnest rest shape needs
 FEWEST = 4  # orders that are always looked at
@@ -120,7 +119,7 @@ def stability(
         raise BadShape(
             "rest", found=f"a batch {rest.volume.shape}", expected="one rest shape", remedy="Take them one by one."
         )
-    chosen = jnp.asarray(_checked(orders, float(rest.conditions.thickness)))
+    chosen = jnp.asarray(usual_orders(float(rest.conditions.thickness)) if orders is None else checked_orders(orders))
     state = rest if elements in (None, rest.meridian.elements) else refined(rest, int(elements or 0))
     values, shapes = spectrum(state, chosen)
     error, enough = jnp.zeros(()), elements is not None or int(state.outcome) != Outcome.OK
@@ -145,9 +144,8 @@ def usual_orders(thickness: float) -> np.ndarray:
     return np.arange(1, int(np.clip(np.ceil(2.0 / np.sqrt(thickness)), FEWEST, HIGHEST)) + 1)
 
 
-def _checked(orders: Sequence[int] | None, thickness: float) -> np.ndarray:
-    if orders is None:
-        return usual_orders(thickness)
+def checked_orders(orders: int | Sequence[int]) -> np.ndarray:
+    """Orders as an array, each from 1 to the highest."""
     chosen = np.atleast_1d(np.asarray(orders))
     whole = chosen.size > 0 and np.issubdtype(chosen.dtype, np.integer)
     if not (whole and chosen.min() >= 1 and chosen.max() <= HIGHEST):
@@ -155,7 +153,7 @@ def _checked(orders: Sequence[int] | None, thickness: float) -> np.ndarray:
             "orders",
             found=repr(orders),
             expected=f"integers from 1 to {HIGHEST}",
-            remedy="Axisymmetric motions (m = 0) are in `rest.stability`.",
+            remedy="Axisymmetric motions (m = 0) are in `rest.stability` and `modes`.",
         )
     return chosen
 

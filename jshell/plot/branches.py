@@ -6,7 +6,7 @@ Symbols    V/V₀ volume [-]   ΔP pressure difference [E d/R0]
 import numpy as np
 
 from jshell.errors import Outcome
-from jshell.membrane import Branch, Maxwell, Threshold
+from jshell.membrane import Branch, Maxwell, SymmetryLoss, Threshold
 from jshell.plot.style import BLACK, BLUE, GREEN, GREY, ONE, ORANGE, VERMILION, Axes, axes_or_new, style
 
 FOLDS = {
@@ -22,6 +22,7 @@ def deflation(
     *,
     threshold: Threshold | None = None,
     maxwell: Maxwell | None = None,
+    loss: SymmetryLoss | None = None,
 ) -> Axes:
     """Pressure difference against volume along a deflation branch.
 
@@ -33,6 +34,7 @@ def deflation(
         ax: Where to draw; by default on a new figure.
         threshold: Eigenvalue of the sphere, from `buckling_eigenvalue`.
         maxwell: From `maxwell_point`.
+        loss: From `symmetry_loss`; beyond it the shape is not round.
     """
     V, p = branch.volume_ratio, branch.difference
     stable = branch.held_stability > 0
@@ -56,6 +58,9 @@ def deflation(
                 ax.plot(*places, marker, color=VERMILION, markerfacecolor="white", label=words)
         if maxwell is not None and maxwell.outcome == Outcome.OK:
             ax.plot([maxwell.volume_ratio], [maxwell.difference], "*", color=GREEN, markersize=8, label="Maxwell point")
+        if loss is not None and loss.volume_ratio is not None and loss.difference is not None:
+            words = f"not round below: m = {loss.order}"
+            ax.plot([loss.volume_ratio], [loss.difference], "P", color=ORANGE, markersize=8, label=words)
         if branch.outcome == Outcome.CONTACT:
             ax.plot(V[-1:], p[-1:], "X", color=ORANGE, label="wall touches itself")
         ax.set_xlim(min(0.28, V.min() - 0.02), 1.01)
