@@ -7,7 +7,7 @@ The zeros of `symmetry` lie at
 so a thinner shell is not round at that volume.
 
 Symbols    V volume [R0³]   d̂ thickness [-]
-Valid for  RANGE
+Valid for  free shells without a weak spot, ν = 1/2, energy current: V/V0 0.50 to 0.96 (d̂ 0.035 to 0.01), to 1 %
 Source     zeros of `stability`; 1 - V/V0 ~ d̂², as Knoche and Kierfeld 2014 find
 """
 

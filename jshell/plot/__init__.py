@@ -14,7 +14,7 @@ from jshell.plot import (
     space,
     traces,
 )  # fmt: skip
-from jshell.plot.branches import deflation
+from jshell.plot.branches import deflation, symmetry_map
 from jshell.plot.demo import overview
 from jshell.plot.film import animate, filmstrip, moments, snapshot
 from jshell.plot.fits import profiles, trace_fit
@@ -28,8 +28,8 @@ from jshell.renamed import renamed
 __all__ = [
     "animate", "branches", "channel", "deflation", "demo", "film", "filmstrip", "fits", "frequencies",
     "identified_modes", "in_space", "master_curve", "mode_shape", "moments", "new_figure", "overview", "profiles",
-    "response", "rest_shape", "rotating", "save", "sensitivity", "shapes", "snapshot", "space", "style", "trace_fit",
-    "traces",
+    "response", "rest_shape", "rotating", "save", "sensitivity", "shapes", "snapshot", "space", "style", "symmetry_map",
+    "trace_fit", "traces",
 ]  # fmt: skip
 __getattr__ = renamed(
     __name__,

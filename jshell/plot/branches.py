@@ -1,19 +1,26 @@
-"""The deflation branch: pressure difference against volume, with its folds, the eigenvalue and the Maxwell point.
+"""The deflation branch: pressure difference against volume, with its marks; the loss of symmetry of many.
 
 Symbols    V/V₀ volume [-]   ΔP pressure difference [E d/R0]
 """
+
+from collections.abc import Sequence
 
 import numpy as np
 
 from jshell.errors import Outcome
 from jshell.membrane import Branch, Maxwell, SymmetryLoss, Threshold
-from jshell.plot.style import BLACK, BLUE, GREEN, GREY, ONE, ORANGE, VERMILION, Axes, axes_or_new, style
+from jshell.membrane.round import LAW
+from jshell.plot.style import BLACK, BLUE, GREEN, GREY, ONE, ORANGE, PALE, VERMILION, Axes, axes_or_new, style
 
 FOLDS = {
     "difference": ("v", "fold of the pressure"),
     "volume": ("s", "fold of the volume"),
     "load": ("D", "fold of the load"),
 }
+
+
+# thicknesses of Table 1 of the source (tab:orders), d̂
+TABLE_1 = (("contrast agents", 4e-4, 5e-3), ("simulations", 0.04, 0.3), ("macroshells", 0.01, 0.5))
 
 
 def deflation(
@@ -68,4 +75,35 @@ def deflation(
         ax.set_xlabel("volume V/V₀")
         ax.set_ylabel("pressure difference ΔP [E d/R₀]")
         ax.legend(loc="upper left")
+    return ax
+
+
+def symmetry_map(thicknesses: Sequence[float], losses: Sequence[SymmetryLoss], ax: Axes | None = None) -> Axes:
+    """Where dimples stop being round: volume over thickness, with the order that sets in, the law, and Table 1.
+
+    Args:
+        thicknesses: d̂ of each shell [-].
+        losses: From `symmetry_loss` of its branch; one that stays round is drawn as an open mark where that was seen.
+        ax: Where to draw; by default on a new figure.
+    """
+    with style():
+        ax = axes_or_new(ax, ONE)
+        d = np.geomspace(min(4e-4, min(thicknesses)), max(0.5, max(thicknesses)), 300)
+        law = 1 - (d / LAW) ** 2
+        ax.fill_between(d, np.clip(law, 0.0, 1.0), 0.0, color=PALE, linewidth=0.0, label="not round")
+        ax.plot(d, np.where(law > 0, law, np.nan), color=GREY, label=f"d̂ = {LAW:.3f} √(1 − V/V₀)")
+        for thickness, loss in zip(thicknesses, losses, strict=True):
+            if loss.volume_ratio is None:
+                ax.plot([thickness], [loss.checked], "o", color=BLUE, markerfacecolor="white")
+            else:
+                ax.plot([thickness], [loss.volume_ratio], "o", color=VERMILION)
+                ax.annotate(f"m = {loss.order}", (thickness, loss.volume_ratio), (4, 3), textcoords="offset points")
+        for row, (words, low, high) in enumerate(TABLE_1):
+            ax.plot([low, high], [0.05 + 0.07 * row] * 2, color=GREEN, linewidth=3.0, solid_capstyle="butt")
+            ax.annotate(words, (low, 0.075 + 0.07 * row), color=GREEN, fontsize=6.0)
+        ax.set_xscale("log")
+        ax.set_ylim(0.0, 1.0)
+        ax.set_xlabel("thickness d̂")
+        ax.set_ylabel("volume V/V₀")
+        ax.legend(loc="center right")
     return ax
