@@ -8,7 +8,7 @@ import sys
 import jshell as js
 from jshell import plot
 
-THICKNESSES = (0.035, 0.03, 0.025, 0.02, 0.015, 0.01)
+THICKNESSES = (0.04, 0.035, 0.03, 0.025, 0.02, 0.015, 0.01)
 ELEMENTS = 32
 
 

@@ -83,11 +83,12 @@ def warn_of_thick_layer(
 def warn_of_asymmetry(trace: Trace, conditions: Reduced) -> tuple[tuple[str, str], ...]:
     """Warn of a run whose dimple was not round at its deepest, by the law; the same as a setting of the trace."""
     said = dict(trace.settings)
-    unknown = any(isinstance(number, Tracer) for number in (trace["V"], conditions.thickness))
+    given = trace["V"], conditions.thickness, conditions.poisson_ratio
+    unknown = any(isinstance(number, Tracer) for number in given)
     if unknown or ("ramp" in said and "buckled_at" not in said):
         return ()  # a sphere that is compressed has no dimple
     thickness, ratio = float(conditions.thickness), float(np.nanmin(np.asarray(trace["V"]))) / SPHERE_VOLUME
-    if thickness >= thinnest_round(ratio):
+    if thickness >= thinnest_round(ratio, float(conditions.poisson_ratio)):
         return ()
     words = words_of_law(thickness, ratio)
     warnings.warn(words, RangeWarning, stacklevel=5)

@@ -91,7 +91,7 @@ def symmetry_map(thicknesses: Sequence[float], losses: Sequence[SymmetryLoss], a
         d = np.geomspace(min(4e-4, min(thicknesses)), max(0.5, max(thicknesses)), 300)
         law = 1 - (d / LAW) ** 2
         ax.fill_between(d, np.clip(law, 0.0, 1.0), 0.0, color=PALE, linewidth=0.0, label="not round")
-        ax.plot(d, np.where(law > 0, law, np.nan), color=GREY, label=f"d̂ = {LAW:.3f} √(1 − V/V₀)")
+        ax.plot(d, np.where(law > 0, law, np.nan), color=GREY, label=f"d̂ = {LAW:.3f} √(1 − V/V₀)")  # ν = 1/2
         for thickness, loss in zip(thicknesses, losses, strict=True):
             if loss.volume_ratio is None:
                 ax.plot([thickness], [loss.checked], "o", color=BLUE, markerfacecolor="white")
@@ -105,5 +105,5 @@ def symmetry_map(thicknesses: Sequence[float], losses: Sequence[SymmetryLoss], a
         ax.set_ylim(0.0, 1.0)
         ax.set_xlabel("thickness d̂")
         ax.set_ylabel("volume V/V₀")
-        ax.legend(loc="center right")
+        ax.legend(loc="upper right")
     return ax
