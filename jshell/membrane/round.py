@@ -8,7 +8,7 @@ so a thinner shell is not round at that volume.
 
 Symbols    V volume [R0³]   d̂ thickness [-]
 Valid for  free shells without a weak spot, ν = 1/2, energy current: V/V0 0.35 to 0.96 (d̂ 0.04 to 0.01), to 1 %;
-           ν = 0.3 at one thickness, 0.02, to 0.4 %
+           ν = 0.3 at d̂ 0.02 and 0.03, to 0.4 %
 Source     zeros of `stability`; 1 - V/V0 ~ d̂², as Knoche and Kierfeld 2014 find
 """
 
@@ -59,7 +59,8 @@ def words_of_law(thickness: float, ratio: float) -> str:
     """That a shell is not round by the law."""
     return (
         f"not round by the law d_hat < {LAW:.3f} sqrt(1 - V/V0): d_hat = {thickness:.3g} at V/V0 = {ratio:.3g} "
-        "(factor sqrt((1 - nu^2)/0.75) for other nu); axial symmetry is assumed here, jshell.membrane.stability computes the eigenvalues"
+        "(factor sqrt((1 - nu^2)/0.75) for other nu); axial symmetry is assumed here, "
+        "jshell.membrane.stability computes the eigenvalues"
     )
 
 
