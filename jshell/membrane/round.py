@@ -26,7 +26,7 @@ LAW = 0.050  # of d̂ over √(1 - V/V0)
 NEAR = 1.25  # ratio of d̂ to the law, either way, within which the eigenvalues are computed
 
 
-def thinnest_round(volume_ratio: float | np.ndarray, poisson_ratio: float | np.ndarray = 0.5) -> np.ndarray:
+def thinnest_round(volume_ratio: float | np.ndarray, poisson_ratio: float | np.ndarray = 0.5) -> float | np.ndarray:
     """d̂ below which the law says that a dimple is not round at a volume [-].
 
     Example:

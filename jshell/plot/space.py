@@ -7,6 +7,7 @@ Source     `jshell.dynamics.azimuthal_modes`, `jshell.membrane.stability`
 """
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -73,20 +74,18 @@ def in_space(
     if order < 1:
         raise BadValue("order", found=f"{order}", expected="1 or more", remedy="m = 0 is drawn by `mode_shape`.")
     with style():
-        if ax is None:
-            figure = new_figure((SIDE, SIDE))
-            ax = figure.add_subplot(projection="3d")
+        axes: Any = new_figure((SIDE, SIDE)).add_subplot(projection="3d") if ax is None else ax
         (x, y, z), outwards = _surface(rest, order, motion, size)
         most = max(np.abs(outwards).max(), 1e-12)
         colours = matplotlib().colormaps["RdBu_r"](0.5 + 0.45 * outwards / most)
-        ax.plot_surface(y, z, x, facecolors=colours, rstride=2, cstride=2, linewidth=0.0, antialiased=False)
-        for setting in (ax.set_xlim, ax.set_ylim, ax.set_zlim):
+        axes.plot_surface(y, z, x, facecolors=colours, rstride=2, cstride=2, linewidth=0.0, antialiased=False)
+        for setting in (axes.set_xlim, axes.set_ylim, axes.set_zlim):
             setting(-0.75, 0.75)
-        ax.set_box_aspect((1, 1, 1))
-        ax.view_init(elev=ELEVATION, azim=azimuth)
-        ax.set_axis_off()
-        ax.set_title(f"m = {order}")
-    return ax
+        axes.set_box_aspect((1, 1, 1))
+        axes.view_init(elev=ELEVATION, azim=azimuth)
+        axes.set_axis_off()
+        axes.set_title(f"m = {order}")
+    return axes
 
 
 def rotating(rest: RestShape, order: int, motion: np.ndarray, path: str | Path, *, size: float = 0.15) -> Path:
