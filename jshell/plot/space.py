@@ -41,7 +41,7 @@ def _surface(
     parts = zip(azimuthal(shape).motion(order), np.real(np.asarray(motion)).reshape(3, -1), strict=True)
     a, p, g = (np.asarray(family.values[0] @ part)[:, None] for family, part in parts)
     b, c = (p + g) / 2, (p - g) / 2
-    factor = size / np.sqrt(a**2 + b**2 + c**2).max()
+    factor = size / max(np.hypot(a, b).max(), np.abs(c).max())
     phi = np.linspace(0, 2 * np.pi, AROUND)[None]
     along, away, around = a * np.cos(order * phi), b * np.cos(order * phi), c * np.sin(order * phi)
     outwards = factor * (along * r1 - away * x1) / np.hypot(x1, r1)
