@@ -144,9 +144,9 @@ def azimuthal_modes(
 
     Example:
         >>> import jshell as js
-        >>> found = js.dynamics.azimuthal_modes(js.presets.R.conditions, 2, liquid="ideal")
-        >>> print(found.omega.round(3))
-        [[1.339 2.396]]
+        >>> found = js.dynamics.azimuthal_modes(js.presets.R.conditions, (1, 2, 3, 4), liquid="ideal", elements=24)
+        >>> print(found.omega[1].round(3))
+        [1.339 2.396]
     """
     choose("liquid", liquid, ORDER_LIQUIDS, remedy="second is right to 0.6 % in τ at η̂ = 0.004.")
     orders = checked_orders(azimuth)

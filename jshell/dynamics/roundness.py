@@ -43,11 +43,6 @@ def roundness(state: RestShape, *, liquid: str = "second") -> Roundness:
     Args:
         state: From `jshell.membrane.rest`, not batched.
         liquid: As in `azimuthal_modes`.
-
-    Example:
-        >>> import jshell as js
-        >>> print(js.dynamics.roundness(js.membrane.rest(js.presets.R.conditions)).verdict)
-        round
     """
     choose("liquid", liquid, ORDER_LIQUIDS)
     found = stability(state)

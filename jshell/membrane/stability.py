@@ -112,7 +112,8 @@ def stability(
 
     Example:
         >>> import jshell as js
-        >>> print(js.membrane.stability(js.membrane.rest(js.presets.R.conditions)).verdict)
+        >>> shape = js.membrane.rest(js.presets.R.conditions, elements=24)
+        >>> print(js.membrane.stability(shape, orders=range(1, 9), elements=24).verdict)
         round
     """
     if rest.volume.ndim:

@@ -53,12 +53,6 @@ def symmetry_loss(branch: Branch, conditions: Reduced, *, area: Area | str = "cu
     Args:
         branch: From `deflation_branch`.
         conditions, area: Those it was followed with.
-
-    Example:
-        >>> import jshell as js
-        >>> c = js.presets.R.conditions
-        >>> js.membrane.symmetry_loss(js.membrane.deflation_branch(c), c).volume_ratio is None
-        True
     """
     check_area(area)
     conditions = conditions.as_arrays()
