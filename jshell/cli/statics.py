@@ -3,7 +3,7 @@
 import importlib
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
@@ -38,6 +38,21 @@ def weak_spot(text: str | None, default: "jshell.contour.WeakSpot | None" = None
     return jshell.contour.WeakSpot(depth, width)
 
 
+def whole_numbers(option: str, text: str | None) -> list[int]:
+    """Orders around the axis from `0,1,2`; without a text the axisymmetric ones.
+
+    Raises:
+        BadValue: Not whole numbers of at least 0.
+    """
+    try:
+        numbers = [0] if text is None else [int(part) for part in text.split(",")]
+    except ValueError:
+        numbers = [-1]
+    if min(numbers) < 0:
+        raise BadValue(option, found=repr(text), expected="whole numbers of at least 0", remedy="Try 0,1,2,3.")
+    return numbers
+
+
 @speaking
 @with_conditions
 def rest(
@@ -51,6 +66,9 @@ def rest(
     ] = None,
     grading: Annotated[str, typer.Option("--grading", help="Where the nodes go: rim or uniform.")] = "rim",
     energy: Energy = "current",
+    symmetry: Annotated[
+        bool, typer.Option("--symmetry", help="Say whether the shape is round, and how fast it leaves that if not.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Rest shape: volume, area and inner pressure of a shell at a load, or at a volume."""
@@ -66,7 +84,7 @@ def rest(
     )
     outcome = Outcome(int(found.outcome))
     ok = outcome == Outcome.OK
-    numbers = {
+    numbers: dict[str, Any] = {
         "V_over_V0": found.volume_ratio,
         "S_over_S0": found.area_ratio,
         "P": found.pressure,
@@ -79,7 +97,15 @@ def rest(
     # of a wall that touches itself this is the reason
     numbers["clearance"] = found.clearance if np.isfinite(found.clearance) else None
     stable = bool(found.stability > 0) if ok else None
+    judged = jshell.dynamics.roundness(found) if symmetry and ok else None
     if as_json:
+        if judged is not None:
+            numbers["symmetry"] = {
+                "verdict": judged.verdict,
+                "order": judged.order,
+                "eigenvalue": judged.stability.eigenvalue,
+                "growth": judged.growth,
+            }
         say({**numbers, "stable": stable, "branch": branch, "outcome": outcome, "conditions": problem.record()})
     else:
         words = {
@@ -92,8 +118,11 @@ def rest(
             "gap": "poles apart [R0]",
             "clearance": "room between facing walls [R0]",
         }
-        rows = [(words[key], value) for key, value in numbers.items()]
-        typer.echo(table([*rows, ("stable", {True: "yes", False: "no", None: "–"}[stable])], ("at rest", "value")))
+        rows: list[tuple[str, Any]] = [(words[key], value) for key, value in numbers.items()]
+        rows.append(("stable", {True: "yes", False: "no", None: "–"}[stable]))
+        if judged is not None:
+            rows.append(("symmetry", judged.verdict))
+        typer.echo(table(rows, ("at rest", "value")))
     finish(outcome)
 
 
@@ -106,6 +135,9 @@ def branch(
     lowest: Annotated[float, typer.Option("--lowest", help="V/V0 at which the deflated end stops.")] = 0.3,
     rows: Annotated[int, typer.Option("--rows", help="States shown in the table.")] = 16,
     plot: Annotated[Path | None, typer.Option("--plot", help="Draw ΔP against V here: png, pdf or svg.")] = None,
+    symmetry: Annotated[
+        bool, typer.Option("--symmetry", help="Find where the dimple first stops being round.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Deflation branch: every dimpled shape from the sphere to contact, its folds, eigenvalue and Maxwell point."""
@@ -114,6 +146,7 @@ def branch(
     found = jshell.membrane.deflation_branch(c, elements=elements, area=energy, lowest=lowest)
     threshold = jshell.membrane.buckling_eigenvalue(c.thickness, c.poisson_ratio, area=energy)
     maxwell = jshell.membrane.maxwell_point(c, area=energy, elements=elements, branch=found)
+    loss = jshell.membrane.symmetry_loss(found, c, area=energy) if symmetry else None
     columns = {
         "V_over_V0": found.volume_ratio,
         "difference": found.difference,
@@ -123,9 +156,14 @@ def branch(
         "held_stability": found.held_stability,
         "gap": found.gap,
     }
-    marks = [(f"fold of the {fold.of}", fold.volume_ratio, fold.difference) for fold in found.folds]
+    marks: list[tuple[str, float | None, float | None]] = [
+        (f"fold of the {fold.of}", fold.volume_ratio, fold.difference) for fold in found.folds
+    ]
     marks.append(("first eigenvalue", float(threshold.volume_ratio), float(threshold.difference)))
     marks.append(("Maxwell point", maxwell.volume_ratio, maxwell.difference))
+    if loss is not None:
+        lost = "round to the end" if loss.volume_ratio is None else f"loss of symmetry, m = {loss.order}"
+        marks.append((lost, loss.volume_ratio, loss.difference))
     if as_json:
         listed = [
             {"of": fold.of, "V_over_V0": fold.volume_ratio, "difference": fold.difference} for fold in found.folds
@@ -140,6 +178,14 @@ def branch(
         eigenvalue |= {"V_over_V0": threshold.volume_ratio, "outcome": Outcome(int(threshold.outcome))}
         point |= {"outcome": maxwell.outcome}
         marked = {"folds": listed, "eigenvalue": eigenvalue, "maxwell": point}
+        if loss is not None:
+            marked["symmetry_loss"] = {
+                "V_over_V0": loss.volume_ratio,
+                "difference": loss.difference,
+                "order": loss.order,
+                "checked_V_over_V0": loss.checked,
+                "outcome": loss.outcome,
+            }
         say({"branch": columns, **marked, "outcome": found.outcome, "conditions": problem.record()})
     else:
         shown = np.unique(np.linspace(0, found.length.size - 1, max(2, rows)).round().astype(int))
@@ -149,7 +195,7 @@ def branch(
         typer.echo(table(marks, ("mark", "V/V0", "ΔP [E d/R0]")))
     if plot is not None:
         drawing = importlib.import_module("jshell.plot")
-        axes = drawing.deflation(found, threshold=threshold, maxwell=maxwell)
+        axes = drawing.deflation(found, threshold=threshold, maxwell=maxwell, loss=loss)
         drawing.save(axes.figure, plot)
         log(f"drawn: {plot}")
     # a branch that ends where the wall touches itself has been followed to its end
@@ -173,6 +219,10 @@ def modes(
     count: Annotated[int, typer.Option("--count", help="How many modes.")] = 4,
     elements: Elements = 32,
     spot: Spot = None,
+    azimuth: Annotated[
+        str | None,
+        typer.Option("--azimuth", help="Orders around the axis, as 0,1,2,3; above 0 the liquid is `second` at most."),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Small vibrations about the rest shape: frequencies, decay times, changes of volume and area."""
@@ -181,19 +231,22 @@ def modes(
         log(f"--{'' if stokes_layer else 'no-'}stokes-layer is now --liquid {liquid}; the default is exact")
     if liquid != "ideal":
         problem.needs_viscosity()
-    found = jshell.dynamics.modes(
-        problem.conditions,
-        count=count,
-        liquid=liquid,
-        branch=branch,
-        elements=elements,
-        attached=attached,
-        weak_spot=weak_spot(spot),
-    )
+    chosen = {"branch": branch, "elements": elements, "attached": attached, "weak_spot": weak_spot(spot)}
+    orders = whole_numbers("--azimuth", azimuth)
+    found = jshell.dynamics.modes(problem.conditions, count=count, liquid=liquid, **chosen)
     outcome = Outcome(int(np.max(np.asarray(found.outcome))))
-    rows = found.table()
+    rows = found.table() if 0 in orders else ()
+    beyond = sorted(set(orders) - {0})
+    around = None
+    if beyond:
+        thin = "second" if liquid == "exact" else liquid
+        around = jshell.dynamics.azimuthal_modes(problem.conditions, beyond, count=count, liquid=thin, **chosen)
+        outcome = Outcome(max(int(outcome), int(np.max(np.asarray(around.outcome)))))
     if as_json:
-        say({"modes": [asdict(row) for row in rows], "outcome": outcome, "conditions": problem.record()})
+        said = {"modes": [asdict(row) for row in rows], "outcome": outcome, "conditions": problem.record()}
+        if around is not None:
+            said["azimuthal"] = [asdict(row) for row in around.table()]
+        say(said)
     else:
         header = ("mode", "ω = |s|", "Ω", "τ", "dV", "dS", "outcome")
         shown = [(str(row.mode), row.omega, row.Omega, row.tau, row.dV, row.dS, row.outcome) for row in rows]
@@ -201,7 +254,15 @@ def modes(
             header = (*header, "f [Hz]")
             hertz = [None if row.omega is None else row.omega * problem.scales.frequency for row in rows]
             shown = [(*line, one) for line, one in zip(shown, hertz, strict=True)]
-        typer.echo(table(shown, header))
+        if shown:
+            typer.echo(table(shown, header))
+        if around is not None:
+            header = ("m", "mode", "ω = |s|", "Ω", "τ", "grows at", "dH twice", "dW", "outcome")
+            lines = around.table()
+            typer.echo("" if not shown else "\n", nl=False)
+            typer.echo(
+                table([(str(row.azimuth), str(row.mode), *list(asdict(row).values())[2:]) for row in lines], header)
+            )
     finish(outcome)
 
 

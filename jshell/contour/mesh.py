@@ -101,6 +101,13 @@ def transfer(q: Float[Array, "before"], old: Meridian, new: Meridian) -> Float[A
     return new.sphere + carry(q - old.sphere, old, new)
 
 
+def resampled(values: Float[Array, "before"], old: Meridian, new: Meridian) -> Float[Array, "points"]:
+    """An even function known at the Gauss points of `old`, at those of `new`."""
+    basis = old.potential_basis[0]
+    coefficients = jnp.linalg.solve(*_normal(basis, old.weights, values - 1.0))
+    return 1.0 + jnp.asarray(ParitySplines(old.nodes, "even")(new.angles) @ coefficients)  # a plain wall stays one
+
+
 def fit(
     shape: Meridian, x: Float[Array, "points"], r: Float[Array, "points"], derivative: int = 0
 ) -> Float[Array, "coordinates"]:

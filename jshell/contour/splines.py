@@ -42,7 +42,7 @@ class ParitySplines:
 
     def __init__(self, breaks: Numbers, parity: Parity, edge: int | None = None, local: Numbers | None = None) -> None:
         xp = breaks.__array_namespace__()
-        self.breaks = breaks
+        self.breaks, self.parity = breaks, parity
         self._plan = _plan(len(breaks) - 1, parity, edge)
         self._half = (breaks[1:] - breaks[:-1]) / 2
         self._middle = (breaks[1:] + breaks[:-1]) / 2

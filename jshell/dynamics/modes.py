@@ -28,7 +28,8 @@ from jshell.dynamics.roots import Liquid, Matrices, Roots, check_liquid, matrice
 from jshell.errors import BadValue, Outcome, RangeWarning
 from jshell.membrane import RestShape, rest
 from jshell.membrane.energy import Area
-from jshell.membrane.rest import Branch, raise_unless_ok
+from jshell.membrane.equilibrium import raise_unless_ok
+from jshell.membrane.rest import Branch
 from jshell.shell.parameters import Reduced
 from jshell.undetermined import undetermined
 

@@ -101,7 +101,7 @@ def roots(parts: Matrices, viscosity: Scalar, count: int) -> Roots:
     def follow(begun):
         sigma, v = begun
         if parts.liquid is None:
-            found = _switch_on(frozen, root, sigma, v)
+            found = switched_on(frozen, root, sigma, v)
         else:
             found = _thickened(frozen, root, sigma, v)
         sigma, v = jax.lax.stop_gradient(_normed(*found))
@@ -169,7 +169,7 @@ def _normed(sigma, v):
     return sigma, v / jnp.linalg.norm(v)
 
 
-def _switch_on(parts: Matrices, root: Scalar, sigma, v):
+def switched_on(parts: Matrices, root: Scalar, sigma, v):
     """A root of the series, from no viscosity to all of it in equal steps of √η̂."""
     plain = parts._replace(liquid=None)
 
@@ -210,7 +210,7 @@ def _thickened(parts: Matrices, target: Float[Array, ""], sigma, v):
     else the next try is more timid. A root that cannot be followed keeps its last residual at the target: not zero.
     """
     thin = jnp.minimum(target, THIN * jnp.sqrt(jnp.abs(sigma) ** 2))
-    sigma, v = _normed(*_switch_on(parts, thin, sigma, v))
+    sigma, v = _normed(*switched_on(parts, thin, sigma, v))
     zero = jnp.asarray(0)
     start = _Path(
         thin, sigma, v, thin / 2, sigma, jnp.asarray(GROWTH), thin, sigma, v, sigma, zero, zero, jnp.asarray(False)

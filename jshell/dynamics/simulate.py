@@ -1,7 +1,7 @@
 """A shell in time: load it, watch it snap and ring.
 
 Symbols    t time [sqrt(ρ_f R0³/(E d))]   V, S, H, W volume, area, height, width   P inner pressure
-Valid for  axial symmetry (real dimples lose it below d̂ ~ 0.05)
+Valid for  axial symmetry: deep dimples of thin shells lose it, see `jshell.membrane.stability`
 Source     Mokbel et al. 2021, numerical method; the liquid is a potential flow and its Stokes layer to second order
 """
 
@@ -35,11 +35,11 @@ from jshell.dynamics.run import (
     schedule,
 )
 from jshell.dynamics.starts import relax
-from jshell.dynamics.validity import TOLERATED, series_error, warn_of_thick_layer
+from jshell.dynamics.validity import TOLERATED, series_error, warn_of_asymmetry, warn_of_thick_layer
 from jshell.errors import BadShape, BadValue, Outcome
 from jshell.membrane import RestShape
 from jshell.membrane.energy import Area, check_area
-from jshell.membrane.rest import cached_meridian, raise_unless_ok, warn_of_asymmetry
+from jshell.membrane.equilibrium import cached_meridian, raise_unless_ok
 from jshell.pressure import Hold, Pressure, Ramp, Recorded, Sum
 from jshell.shell.elasticity import SPHERE_VOLUME, Scalar
 from jshell.shell.parameters import Number, Reduced, check
@@ -208,7 +208,6 @@ def _run(
 ) -> tuple[Trace, Sample, Setup]:
     check_area(area)
     _check_times(duration, every, step, ramp)
-    warn_of_asymmetry(conditions.thickness, 4)
     check("shell_density", shell_density, "a finite number of at least 0", lambda x: x >= 0)
     conditions = conditions.as_arrays()
     if start is None:
@@ -263,6 +262,7 @@ def _run(
         if error > TOLERATED:
             beside = warn_of_thick_layer(error, conditions, start, shape.elements, shape.attached, spot, area)
             trace = replace(trace, settings=(*trace.settings, *beside))
+    trace = replace(trace, settings=(*trace.settings, *warn_of_asymmetry(trace, conditions)))
     return trace, samples, setup
 
 

@@ -14,11 +14,14 @@ Source     traces against exact modes, `tests/dynamics/test_losses.py`
 import warnings
 
 import numpy as np
+from jax.core import Tracer
 
 from jshell.contour import NO_WEAK_SPOT, WeakSpot
 from jshell.dynamics.modes import Modes, vibrations
 from jshell.errors import Outcome, RangeWarning
-from jshell.membrane import RestShape, rest
+from jshell.membrane import RestShape, rest, thinnest_round
+from jshell.membrane.round import words_of_law
+from jshell.shell.elasticity import SPHERE_VOLUME
 from jshell.shell.parameters import Reduced
 from jshell.trace import Trace
 
@@ -75,6 +78,21 @@ def warn_of_thick_layer(
         words += f"; exact modes about the rest shape: {'; '.join(modes)}"
     warnings.warn(words, RangeWarning, stacklevel=5)
     return tuple(settings)
+
+
+def warn_of_asymmetry(trace: Trace, conditions: Reduced) -> tuple[tuple[str, str], ...]:
+    """Warn of a run whose dimple was not round at its deepest, by the law; the same as a setting of the trace."""
+    said = dict(trace.settings)
+    given = trace["V"], conditions.thickness, conditions.poisson_ratio
+    unknown = any(isinstance(number, Tracer) for number in given)
+    if unknown or ("ramp" in said and "buckled_at" not in said):
+        return ()  # a sphere that is compressed has no dimple
+    thickness, ratio = float(conditions.thickness), float(np.nanmin(np.asarray(trace["V"]))) / SPHERE_VOLUME
+    if thickness >= thinnest_round(ratio, float(conditions.poisson_ratio)):
+        return ()
+    words = words_of_law(thickness, ratio)
+    warnings.warn(words, RangeWarning, stacklevel=5)
+    return (("symmetry", words),)
 
 
 def _exact(conditions: Reduced, start, elements, attached, spot, area) -> Modes:

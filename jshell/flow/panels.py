@@ -41,8 +41,24 @@ class Layers(NamedTuple):
     near_curve: Curve
 
 
-def layers(shape: Meridian, q: Float[Array, "coordinates"]) -> Layers:
-    """Assemble both layers for a shape."""
+class Pairs(NamedTuple):
+    """Where sources lie as seen from the nodes, (nodes, sources).
+
+    Attributes:
+        shortest, longest: Squared distances ρ₋², ρ₊² to the ring of a source [R0²].
+        bend: B = (x_t Δr - r_t Δx)/ρ₋² [rad⁻¹].
+        radius, x_slope: r' and dx/dθ at the source [R0].
+    """
+
+    shortest: Float[Array, "nodes sources"]
+    longest: Float[Array, "nodes sources"]
+    bend: Float[Array, "nodes sources"]
+    radius: Float[Array, "nodes sources"]
+    x_slope: Float[Array, "nodes sources"]
+
+
+def pairs(shape: Meridian, q: Float[Array, "coordinates"]) -> tuple[Pairs, Pairs, Curve, Curve]:
+    """Nodes against all Gauss points, and against the graded points beside them; the curve at both."""
     curve = shape.at_points(q)
     x0, r0 = shape.at_nodes(q)
     x0, r0 = x0[:, None], r0[:, None]
@@ -52,8 +68,7 @@ def layers(shape: Meridian, q: Float[Array, "coordinates"]) -> Layers:
     shortest = dx**2 + dr**2
     longest = dx**2 + (curve.r[None] + r0) ** 2
     bend = (curve.x1[None] * dr - curve.r1[None] * dx) / shortest
-    source, dipole = kernels(shortest, longest, bend, _as(curve.r, dx), _as(curve.x1, dx))
-    far_source, far_dipole = shape.far * source, shape.far * dipole
+    far = Pairs(shortest, longest, bend, _as(curve.r, dx), _as(curve.x1, dx))
 
     # the two elements that touch it: Δ = s Q(s), Q and Q' from Taylor coefficients
     near, (qx, qr) = shape.near, shape.split(q)
@@ -70,9 +85,16 @@ def layers(shape: Meridian, q: Float[Array, "coordinates"]) -> Layers:
     shortest = near.gaps**2 * squared
     longest = (near.gaps * Qx) ** 2 + (local.r + r0) ** 2
     bend = ((near.x_quotient_slope @ qx) * Qr - (near.r_quotient_slope @ qr) * Qx) / squared
-    source, dipole = kernels(shortest, longest, bend, local.r, local.x1)
-    near_source, near_dipole = near.weights * source, near.weights * dipole
+    return far, Pairs(shortest, longest, bend, local.r, local.x1), curve, local
 
+
+def layers(shape: Meridian, q: Float[Array, "coordinates"]) -> Layers:
+    """Assemble both layers for a shape."""
+    far, near, curve, local = pairs(shape, q)
+    source, dipole = kernels(*far)
+    far_source, far_dipole = shape.far * source, shape.far * dipole
+    source, dipole = kernels(*near)
+    near_source, near_dipole = shape.near.weights * source, shape.near.weights * dipole
     return Layers(far_source, near_source, far_dipole, near_dipole, curve, local)
 
 

@@ -14,8 +14,7 @@ from jaxtyping import Array, Float, Int
 
 from jshell.errors import Outcome
 from jshell.membrane.energy import Area
-from jshell.membrane.equilibrium import RestShape, reworked
-from jshell.membrane.rest import cached_meridian
+from jshell.membrane.equilibrium import RestShape, cached_meridian, reworked
 from jshell.shell.parameters import Reduced
 
 

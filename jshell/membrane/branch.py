@@ -22,8 +22,9 @@ from jaxtyping import Array, Float
 from jshell.contour import Meridian, carry, clearance, gap, regrade, rim_breaks, thinned, transfer, volume
 from jshell.errors import BadValue, Outcome
 from jshell.membrane.energy import Area, check_area, elastic_energy, stiffness, wall
+from jshell.membrane.equilibrium import RestShape, cached_meridian
 from jshell.membrane.newton import TOLERANCE, bordered, lowest_on_tangent, pinned, residual_at_volume
-from jshell.membrane.rest import RestShape, cached_meridian, rest
+from jshell.membrane.rest import rest
 from jshell.shell.elasticity import SPHERE_VOLUME, buckling_threshold
 from jshell.shell.parameters import Reduced
 from jshell.shell.rest import gas_pressure

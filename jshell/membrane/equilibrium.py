@@ -10,6 +10,8 @@ Valid for  as the elastic energy; a wall that does not touch itself
 Source     implicit function theorem for the derivative
 """
 
+from functools import lru_cache
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -23,7 +25,9 @@ from jshell.contour import (
     dimple_breaks,
     gap,
     height,
+    meridian,
     regrade,
+    resampled,
     rim_breaks,
     thinned,
     transfer,
@@ -33,7 +37,7 @@ from jshell.contour import (
     area as area_of,
 )
 from jshell.display import PRESSURE, ended, number, readable, shown
-from jshell.errors import Outcome
+from jshell.errors import NotOk, Outcome
 from jshell.membrane.energy import elastic_energy, wall
 from jshell.membrane.newton import (
     Equilibrium,
@@ -68,6 +72,9 @@ class RestShape(eqx.Module):
         outcome: Integer of `Outcome`: ok, not_converged, contact, no_buckled_state or out_of_range.
         difference: Outer less inner pressure, ΔP [E d/R0].
         elastic: Elastic energy [E d R0²].
+        meridian, profile: Its discretisation; thickness over its nominal value at the Gauss points [-].
+        conditions: What it was asked for under; where a volume was, the outer pressure found is `outer_pressure`.
+        energy: Which elastic energy, `area` of `rest`.
     """
 
     coordinates: Float[Array, "coordinates"]
@@ -82,6 +89,8 @@ class RestShape(eqx.Module):
     profile: Float[Array, "points"]
     difference: Float[Array, ""]
     elastic: Float[Array, ""]
+    conditions: Reduced
+    energy: str = eqx.field(static=True)
 
     @readable
     def __repr__(self) -> str:
@@ -119,11 +128,11 @@ def reworked(
     area: str,
     volume_ratio: Float[Array, ""] | None,
 ) -> RestShape:
-    """A rest shape of a plain wall settled anew on other nodes, of a mesh like `base`."""
+    """A rest shape settled anew on other nodes, of a mesh like `base`; the thickness of its wall comes along."""
     # the old shape, read off at the new nodes, is close enough for Newton to start from
     shape = regrade(base, breaks)
     start = transfer(found.coordinates, found.meridian, shape)
-    profile = jnp.ones_like(shape.angles)
+    profile = resampled(found.profile, found.meridian, shape)
     if volume_ratio is None:
         return settle(shape, conditions, profile, start, branch, area)
     wanted = volume_ratio * SPHERE_VOLUME
@@ -280,4 +289,19 @@ def measured(
         profile=profile,
         difference=jnp.asarray(difference),
         elastic=elastic,
+        conditions=conditions,
+        energy=str(area),
     )
+
+
+@lru_cache(maxsize=16)
+def cached_meridian(elements: int, attached: float) -> Meridian:
+    """The discretisation of a size and pad; built once."""
+    with jax.ensure_compile_time_eval():
+        return meridian(elements, attached)
+
+
+def raise_unless_ok(place: str, outcome: Int[Array, ""]) -> None:
+    """Raise `NotOk` for a concrete outcome other than ok."""
+    if int(outcome) != Outcome.OK:
+        raise NotOk(place, Outcome(int(outcome)))

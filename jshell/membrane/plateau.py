@@ -13,7 +13,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jshell.membrane.energy import Area
-from jshell.membrane.rest import raise_unless_ok, rest
+from jshell.membrane.equilibrium import raise_unless_ok
+from jshell.membrane.rest import rest
 from jshell.shell import rest as laws
 from jshell.shell.elasticity import Scalar
 from jshell.shell.parameters import Reduced

@@ -4,13 +4,11 @@ The door: options, warnings, and what is tried when a thin shell is not found at
 once.
 
 Symbols    V volume [R0³]   P inner pressure, ΔP pressure difference [E d/R0]
-Valid for  as the elastic energy; a wall that does not touch itself; axial symmetry, which real dimples lose below
-           d̂ ~ 0.05
+Valid for  as the elastic energy; a wall that does not touch itself; axial symmetry: see `stability`
 Source     Mokbel et al. 2021, numerical method
 """
 
 import warnings
-from functools import lru_cache
 from typing import Literal
 
 import equinox as eqx
@@ -18,12 +16,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
-from jshell.contour import NO_WEAK_SPOT, Meridian, WeakSpot, meridian, regrade, rim_breaks, thinned, transfer
-from jshell.errors import BadValue, NotOk, Outcome, RangeWarning, choose
+from jshell.contour import NO_WEAK_SPOT, Meridian, WeakSpot, regrade, rim_breaks, thinned, transfer
+from jshell.errors import BadValue, Outcome, RangeWarning, choose
 from jshell.membrane.energy import Area, check_area
-from jshell.membrane.equilibrium import RestShape, find, seed, settle, shape_like
+from jshell.membrane.equilibrium import RestShape, cached_meridian, find, raise_unless_ok, seed, settle, shape_like
+from jshell.membrane.round import warn_where_not_round
 from jshell.shell.elasticity import Scalar
 from jshell.shell.parameters import Reduced
 from jshell.undetermined import undetermined
@@ -34,7 +33,6 @@ Grading = Literal["rim", "uniform"]
 GRADINGS = ("rim", "uniform")
 THIN = 0.02  # a shell thinner than this that is not found at once is sought by continuation from here
 SHRINK, NO_STEP = 0.8, 0.995  # ratio of thicknesses from step to step; where it gives up
-SYMMETRIC_ABOVE = 0.05  # real dimples keep their axial symmetry above about this thickness
 UNRESOLVED = 1.5  # above this the rim is not there
 COARSEST = 0.6  # element length at the rim over √d̂ that still gives V/V0 to 1e-4
 
@@ -98,21 +96,21 @@ def blanked(found: RestShape) -> RestShape:
     failed = found.outcome != Outcome.OK
     overlapping = found.outcome == Outcome.CONTACT
     room = undetermined(failed & ~overlapping, (found.gap, found.clearance))
-    numbers = undetermined(failed, eqx.tree_at(lambda s: s.meridian, found, None))
-    return eqx.tree_at(
-        lambda s: (s.meridian, s.gap, s.clearance), numbers, (found.meridian, *room), is_leaf=lambda x: x is None
-    )
+    given = lambda s: (s.meridian, s.conditions)  # noqa: E731
+    numbers = undetermined(failed, eqx.tree_at(given, found, (None, None)))
+    kept = lambda s: (s.meridian, s.conditions, s.gap, s.clearance)  # noqa: E731
+    return eqx.tree_at(kept, numbers, (*given(found), *room), is_leaf=lambda x: x is None)
 
 
 def judged(found: RestShape, thickness: Scalar) -> RestShape:
-    """Warn of a thin shell's broken symmetry and of too few elements at the rim (concrete shapes only).
+    """Warn of a shape that is not round and of too few elements at the rim (concrete shapes only).
 
     Where a rim lies within an element or two, the shape is out_of_range.
     """
     thickness, outcome = jax.lax.stop_gradient((thickness, found.outcome))
     if isinstance(thickness, Tracer) or isinstance(outcome, Tracer):
         return found
-    warn_of_asymmetry(thickness, 4)
+    warn_where_not_round(found, 4)
     ok = np.asarray(outcome) == Outcome.OK
     if not np.any(ok):
         return found
@@ -128,16 +126,6 @@ def judged(found: RestShape, thickness: Scalar) -> RestShape:
         )
     judgement = jnp.where(jnp.asarray(coarse > UNRESOLVED), int(Outcome.OUT_OF_RANGE), found.outcome)
     return eqx.tree_at(lambda shape: shape.outcome, found, judgement)
-
-
-def warn_of_asymmetry(thickness: Scalar, level: int = 3) -> None:
-    """Warn where real dimples would not be axisymmetric (concrete numbers only)."""
-    if not isinstance(thickness, Tracer) and np.any(np.asarray(thickness) < SYMMETRIC_ABOVE):
-        warnings.warn(
-            f"below d_hat = {SYMMETRIC_ABOVE} real dimples lose the axial symmetry that is assumed here",
-            RangeWarning,
-            stacklevel=level,
-        )
 
 
 def _lost(found: RestShape, conditions: Reduced) -> bool:
@@ -212,19 +200,6 @@ def rim_spacing(found: RestShape) -> Float[Array, "..."]:
     for _ in range(batch):
         spacing = eqx.filter_vmap(spacing)
     return spacing(found.meridian, found.coordinates)
-
-
-@lru_cache(maxsize=16)
-def cached_meridian(elements: int, attached: float) -> Meridian:
-    """The discretisation of a size and pad; built once."""
-    with jax.ensure_compile_time_eval():
-        return meridian(elements, attached)
-
-
-def raise_unless_ok(place: str, outcome: Int[Array, ""]) -> None:
-    """Raise `NotOk` for a concrete outcome other than ok."""
-    if int(outcome) != Outcome.OK:
-        raise NotOk(place, Outcome(int(outcome)))
 
 
 @eqx.filter_jit

@@ -17,8 +17,8 @@ from jaxtyping import Array, Float, Int
 from jshell.contour import Meridian
 from jshell.errors import Outcome
 from jshell.membrane.energy import Area, check_area, elastic_energy, stiffness_at, wall
+from jshell.membrane.equilibrium import cached_meridian
 from jshell.membrane.newton import pinned
-from jshell.membrane.rest import cached_meridian
 from jshell.shell.elasticity import Scalar, buckling_threshold
 from jshell.shell.parameters import Reduced
 

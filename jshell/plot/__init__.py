@@ -11,22 +11,25 @@ from jshell.plot import (
     response,
     sensitivity,
     shapes,
+    space,
     traces,
 )  # fmt: skip
-from jshell.plot.branches import deflation
+from jshell.plot.branches import deflation, symmetry_map
 from jshell.plot.demo import overview
 from jshell.plot.film import animate, filmstrip, moments, snapshot
 from jshell.plot.fits import profiles, trace_fit
 from jshell.plot.frequencies import master_curve
 from jshell.plot.shapes import mode_shape, rest_shape
+from jshell.plot.space import in_space, rotating
 from jshell.plot.style import new_figure, save, style
 from jshell.plot.traces import channel, identified_modes
 from jshell.renamed import renamed
 
 __all__ = [
     "animate", "branches", "channel", "deflation", "demo", "film", "filmstrip", "fits", "frequencies",
-    "identified_modes", "master_curve", "mode_shape", "moments", "new_figure", "overview", "profiles", "response",
-    "rest_shape", "save", "sensitivity", "shapes", "snapshot", "style", "trace_fit", "traces",
+    "identified_modes", "in_space", "master_curve", "mode_shape", "moments", "new_figure", "overview", "profiles",
+    "response", "rest_shape", "rotating", "save", "sensitivity", "shapes", "snapshot", "space", "style", "symmetry_map",
+    "trace_fit", "traces",
 ]  # fmt: skip
 __getattr__ = renamed(
     __name__,

@@ -1,13 +1,16 @@
-"""The deflation branch: pressure difference against volume, with its folds, the eigenvalue and the Maxwell point.
+"""The deflation branch: pressure difference against volume, with its marks; the loss of symmetry of many.
 
 Symbols    V/V₀ volume [-]   ΔP pressure difference [E d/R0]
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from jshell.errors import Outcome
-from jshell.membrane import Branch, Maxwell, Threshold
-from jshell.plot.style import BLACK, BLUE, GREEN, GREY, ONE, ORANGE, VERMILION, Axes, axes_or_new, style
+from jshell.membrane import Branch, Maxwell, SymmetryLoss, Threshold
+from jshell.membrane.round import LAW
+from jshell.plot.style import BLACK, BLUE, GREEN, GREY, ONE, ORANGE, PALE, VERMILION, Axes, axes_or_new, style
 
 FOLDS = {
     "difference": ("v", "fold of the pressure"),
@@ -16,12 +19,17 @@ FOLDS = {
 }
 
 
+# thicknesses of Table 1 of the source (tab:orders), d̂
+TABLE_1 = (("contrast agents", 4e-4, 5e-3), ("simulations", 0.04, 0.3), ("macroshells", 0.01, 0.5))
+
+
 def deflation(
     branch: Branch,
     ax: Axes | None = None,
     *,
     threshold: Threshold | None = None,
     maxwell: Maxwell | None = None,
+    loss: SymmetryLoss | None = None,
 ) -> Axes:
     """Pressure difference against volume along a deflation branch.
 
@@ -33,6 +41,7 @@ def deflation(
         ax: Where to draw; by default on a new figure.
         threshold: Eigenvalue of the sphere, from `buckling_eigenvalue`.
         maxwell: From `maxwell_point`.
+        loss: From `symmetry_loss`; beyond it the shape is not round.
     """
     V, p = branch.volume_ratio, branch.difference
     stable = branch.held_stability > 0
@@ -56,6 +65,9 @@ def deflation(
                 ax.plot(*places, marker, color=VERMILION, markerfacecolor="white", label=words)
         if maxwell is not None and maxwell.outcome == Outcome.OK:
             ax.plot([maxwell.volume_ratio], [maxwell.difference], "*", color=GREEN, markersize=8, label="Maxwell point")
+        if loss is not None and loss.volume_ratio is not None and loss.difference is not None:
+            words = f"not round below: m = {loss.order}"
+            ax.plot([loss.volume_ratio], [loss.difference], "P", color=ORANGE, markersize=8, label=words)
         if branch.outcome == Outcome.CONTACT:
             ax.plot(V[-1:], p[-1:], "X", color=ORANGE, label="wall touches itself")
         ax.set_xlim(min(0.28, V.min() - 0.02), 1.01)
@@ -63,4 +75,35 @@ def deflation(
         ax.set_xlabel("volume V/V₀")
         ax.set_ylabel("pressure difference ΔP [E d/R₀]")
         ax.legend(loc="upper left")
+    return ax
+
+
+def symmetry_map(thicknesses: Sequence[float], losses: Sequence[SymmetryLoss], ax: Axes | None = None) -> Axes:
+    """Where dimples stop being round: volume over thickness, with the order that sets in, the law, and Table 1.
+
+    Args:
+        thicknesses: d̂ of each shell [-].
+        losses: From `symmetry_loss` of its branch; one that stays round is drawn as an open mark where that was seen.
+        ax: Where to draw; by default on a new figure.
+    """
+    with style():
+        ax = axes_or_new(ax, ONE)
+        d = np.geomspace(min(4e-4, min(thicknesses)), max(0.5, max(thicknesses)), 300)
+        law = 1 - (d / LAW) ** 2
+        ax.fill_between(d, np.clip(law, 0.0, 1.0), 0.0, color=PALE, linewidth=0.0, label="not round")
+        ax.plot(d, np.where(law > 0, law, np.nan), color=GREY, label=f"d̂ = {LAW:.3f} √(1 − V/V₀)")  # ν = 1/2
+        for thickness, loss in zip(thicknesses, losses, strict=True):
+            if loss.volume_ratio is None:
+                ax.plot([thickness], [loss.checked], "o", color=BLUE, markerfacecolor="white")
+            else:
+                ax.plot([thickness], [loss.volume_ratio], "o", color=VERMILION)
+                ax.annotate(f"m = {loss.order}", (thickness, loss.volume_ratio), (4, 3), textcoords="offset points")
+        for row, (words, low, high) in enumerate(TABLE_1):
+            ax.plot([low, high], [0.05 + 0.07 * row] * 2, color=GREEN, linewidth=3.0, solid_capstyle="butt")
+            ax.annotate(words, (low, 0.075 + 0.07 * row), color=GREEN, fontsize=6.0)
+        ax.set_xscale("log")
+        ax.set_ylim(0.0, 1.0)
+        ax.set_xlabel("thickness d̂")
+        ax.set_ylabel("volume V/V₀")
+        ax.legend(loc="upper right")
     return ax

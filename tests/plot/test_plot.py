@@ -36,7 +36,9 @@ def _dented() -> RestShape:
     q = dimple(shape, 0.7, 0.2)
     number = jnp.asarray
     measures = (volume(shape, q), area(shape, q), number(1.4), number(0.8), number(0.6), number(0.1), number(0))
-    return RestShape(q, *measures, shape, jnp.ones(shape.angles.size), jnp.asarray(0.1), jnp.asarray(0.2))
+    plain = jnp.ones(shape.angles.size)
+    conditions = presets.R.conditions.as_arrays()
+    return RestShape(q, *measures, shape, plain, jnp.asarray(0.1), jnp.asarray(0.2), conditions, "current")
 
 
 def _modes(count=2) -> Modes:
