@@ -116,11 +116,28 @@ def _at_rate(sheet: Sheet, reading: Reading, rate: float, unit: str | None) -> S
                 expected="to be told whether frames or rows are counted",
                 remedy=f"Say `--time-from {sheet.names[k]}` or `--time-from {ROWS}`.",
             )
+    _refuse_second_record(sheet)
     if k is not None:
         count, words = sheet.columns[k] - sheet.columns[k][0], f"the frames of {called(sheet, k)}"
     sheet = _without_frames(sheet, k)
     said = f"times from {words} at {rate:g} a {'second' if unit else 'unit of time'}"
     return _with_times(replace(sheet, taken=(*sheet.taken, said)), count / rate, unit)
+
+
+def _refuse_second_record(sheet: Sheet) -> None:
+    """Refuse rows whose own time begins again: a rate would join two records into one."""
+    for name, values in zip(sheet.names, sheet.columns, strict=True):
+        if name == "t" or TIME_NAMES.fullmatch(name):
+            again = np.flatnonzero((values[1:] == values[0]) & (values[1:] < values[:-1]))
+            if again.size:
+                at = int(again[0]) + 1
+                row, last = sheet.row_of(at).removeprefix("row "), sheet.row_of(at - 1).removeprefix("row ")
+                raise BadValue(
+                    sheet.place(name, at),
+                    found=f"{name} = {values[at]:.10g} again, where a second record begins",
+                    expected="one record",
+                    remedy=f"Read one: `--rows :{last}` or `--rows {row}:`.",
+                )
 
 
 def _without_frames(sheet: Sheet, k: int | None) -> Sheet:

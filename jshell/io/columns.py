@@ -65,7 +65,8 @@ def dimensionless(sheet: Sheet, scales: Scales | None, *, told: bool) -> tuple[C
     columns, own = {}, {}
     for name, written, values in zip(sheet.names, sheet.units, sheet.columns, strict=True):
         if written is None:
-            _refuse_bare(sheet, name, si)
+            if name not in sheet.pure:
+                _refuse_bare(sheet, name, si)
             columns[name] = values.copy()
             continue
         dimension, factor = known_unit(sheet.place(name), name, written)
@@ -124,10 +125,11 @@ def check_times(times: Float[np.ndarray, " times"], place: Place) -> None:
     row, last = (re.search(r"row (\d+)", text) for text in (where, before))
     remedy = "Sort the rows, remove repeated ones, or split joined records."
     if row is not None and last is not None:
-        remedy = (
-            f"If a second record begins here, read one: `--rows :{last[1]}` or `--rows {row[1]}:`. "
-            "If the rows are even, say how many a second: `--rate 1000`. Else sort them, or remove repeated ones."
-        )
+        remedy = f"If a second record begins here, read one: `--rows :{last[1]}` or `--rows {row[1]}:`."
+        if times[at] != times[0]:
+            remedy += (
+                " If the rows are even, say how many a second: `--rate 1000`. Else sort them, or remove repeated ones."
+            )
     raise BadValue(
         where,
         found=f"t = {times[at]:.10g} after {times[at - 1]:.10g}",

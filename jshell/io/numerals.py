@@ -41,6 +41,13 @@ class Marks:
     decimal: str = "."
     thousands: str = ""
 
+    @property
+    def pattern(self) -> str:
+        """A regular expression of a number, its marks in place."""
+        point, part = re.escape(self.decimal), re.escape(self.thousands)
+        whole = rf"(?:\d{{1,3}}(?:{part}\d{{3}})+|\d+)" if self.thousands else r"\d+"
+        return rf"[+-]?(?:{whole}(?:{point}\d*)?|{point}\d+)(?:[eE][+-]?\d+)?"
+
     def number(self, cell: str) -> float | None:
         """The number that a cell holds, None where it holds none."""
         if self.decimal == "." and not self.thousands:

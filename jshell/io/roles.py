@@ -133,16 +133,15 @@ def _united(sheet: Sheet, reading: Reading) -> Sheet:
         k = names.index(name)
         if units[k] is not None and units[k] != unit:
             said.append(f"`{name}` in {unit}, as asked, where the file says {units[k]}")
-        units[k] = unit
+        units[k] = None if unit == PURE else unit
     for k, name in enumerate(names):
         key, mark, unit = name.rpartition("_")
         found = known_factor(unit) if mark and units[k] is None and key in QUANTITIES and len(unit) < 8 else None
         if found is not None and found[0] == dimension_of(key) and key not in names:
             names[k], units[k] = key, unit
             said.append(f"column `{name}` taken for `{key}` in {unit}, by its name")
-    if reading.units and all(unit in (None, PURE) for unit in units):
-        units = [None] * len(units)
-    return replace(sheet, names=tuple(names), units=tuple(units), taken=(*sheet.taken, *said))
+    pure = tuple(name for name, unit in reading.units.items() if unit == PURE)
+    return replace(sheet, names=tuple(names), units=tuple(units), taken=(*sheet.taken, *said), pure=pure)
 
 
 def _cut(sheet: Sheet, reading: Reading) -> Sheet:

@@ -67,6 +67,7 @@ class Sheet:
         axis: The column that the others lie along, where the format says so.
         taken: What was taken for what, in words.
         even: Times, where the file tells start and step of them.
+        pure: Columns whose numbers are dimensionless, as their reader said.
     """
 
     file: str
@@ -83,6 +84,7 @@ class Sheet:
     axis: str = ""
     taken: tuple[str, ...] = ()
     even: Even | None = None
+    pure: tuple[str, ...] = ()
 
     def place(self, name: str, sample: int | None = None) -> str:
         """Where a column, or one sample of it, stands."""

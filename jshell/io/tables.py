@@ -104,7 +104,7 @@ def understood(sheet: Sheet, meta: Source | None = None, reading: Reading | None
     sheet = roles.record(sheet, reading, dimensional=problem is None)
 
     columns, own = dimensionless(sheet, unit, told=problem is not None)
-    si = problem is None and any(one is not None for one in sheet.units)
+    si = problem is None and "t" not in sheet.pure and any(one is not None for one in sheet.units)
     unit = SECONDS if si else unit
     check_finite(columns, sheet.place)
     times = columns.pop("t")
