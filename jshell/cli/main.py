@@ -28,6 +28,10 @@ VERBS = {
         "reading",
         "Show what a file holds: columns, units, steps, gaps, what was taken for what, what was passed over.",
     ),
+    "film": (
+        "film",
+        "Measure a film of a shell: height and width in time, with errors; with --analyse, its frequencies.",
+    ),
     "fit": ("fits", "Fit the short model's constants."),
     "show": ("fits", "Show a saved fit: its report and its picture, without fitting again."),
     "frequencies": (
