@@ -6,7 +6,7 @@ the reader says what it took.
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any
 
@@ -73,7 +73,7 @@ class Reading:
         units: Mapping[str, str] | str | None = None,
         rate: float | int | None = None,
         time_from: str | int | None = None,
-        rows: tuple[int | None, int | None] | str | None = None,
+        rows: Sequence[int | None] | str | None = None,
         missing: str = "refuse",
     ) -> "Reading":
         """What is to be read, from mappings or from texts `t=Time,H=3` and `12:400`.
@@ -82,6 +82,8 @@ class Reading:
             BadName, BadValue: As the class itself; a text of another form.
         """
         span = _span(rows) if isinstance(rows, str) else tuple(rows or (None, None))
+        if len(span) != 2:
+            raise BadValue("rows", found=f"{len(span)} numbers", expected="first and last row", remedy="Give two.")
         return Reading(
             {name: str(one) for name, one in _pairs("columns", columns).items()},
             _pairs("units", units),

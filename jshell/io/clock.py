@@ -81,7 +81,7 @@ def _no_time(sheet: Sheet) -> BadName:
     )
 
 
-def _at_rate(sheet: Sheet, reading: Reading, rate: float, unit: str | None) -> Sheet:
+def _at_rate(sheet: Sheet, reading: Reading, rate: float | int, unit: str | None) -> Sheet:
     """Even times from a rate, by rows or by a column that counts frames."""
     given = reading.units.get("t")
     if given not in (None, "s", PURE):
