@@ -29,7 +29,8 @@ if TYPE_CHECKING:
         shell,
         signals,
     )
-    from jshell import contour as contour  # rooms that `from jshell import *` leaves alone
+    from jshell import camera as camera  # rooms that `from jshell import *` leaves alone
+    from jshell import contour as contour
     from jshell import flow as flow
     from jshell import memory as memory
     from jshell import plot as plot
@@ -54,8 +55,8 @@ __all__ = [
 ]  # fmt: skip
 
 _ROOMS = (
-    "calibration", "campaigns", "comparators", "contour", "dynamics", "engines", "flow", "io", "membrane", "memory",
-    "oscillator", "plot", "quantities", "sensitivity", "shell", "signals",
+    "calibration", "camera", "campaigns", "comparators", "contour", "dynamics", "engines", "flow", "io", "membrane",
+    "memory", "oscillator", "plot", "quantities", "sensitivity", "shell", "signals",
 )  # fmt: skip
 _FROM = {
     "Client": "service.client", "Coefficients": "oscillator", "FitResult": "calibration", "Gas": "shell",

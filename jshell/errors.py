@@ -242,3 +242,7 @@ def require_extra(module: str, extra: str, place: str = "") -> Any:
 
 class RangeWarning(UserWarning):
     """A result outside the range in which its law was checked; published numbers may still be made with it."""
+
+
+class GuessWarning(UserWarning):
+    """What a file leaves open, and what it was taken for; `jshell.io.Reading` settles it."""

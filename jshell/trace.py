@@ -171,6 +171,58 @@ class Trace(eqx.Module):
             attributes["settings"] = "\n".join(f"{key}: {value}" for key, value in self.settings)
         return xarray.Dataset(channels, coords, attributes)
 
+    @staticmethod
+    def from_pandas(
+        frame: Any, *, conditions: Reduced | None = None, scales: Scales | None = None, **said: Any
+    ) -> "Trace":
+        """The trace that a DataFrame holds, by the rules of files.
+
+        Args:
+            frame: Columns of numbers; the time is a column, or the index where that has a name, dates or spans of time.
+                Units stand behind the names, `H [mm]`, in `frame.attrs["units"]`, or are said.
+            conditions: The problem, where known.
+            scales: SI values of its units, as of `jshell.shell.scales`; columns with units need them.
+            **said: What the table leaves open, as of `jshell.io.read_trace`: `columns`, `units`, `rate`, …
+
+        Raises:
+            JshellError: As `jshell.io.read_trace`.
+
+        Warns:
+            GuessWarning: What the table leaves open, and what it was taken for.
+
+        Example:
+            >>> import pandas, jshell as js
+            >>> frame = pandas.DataFrame({"t [ms]": [0.0, 1.0, 2.0], "CH1 [V]": [0.1, 0.3, 0.2]})
+            >>> js.Trace.from_pandas(frame).times
+            array([0.   , 0.001, 0.002])
+        """
+        from jshell.io.frames import from_pandas  # the rules of files live above; the door is here
+
+        return from_pandas(frame, conditions, scales, said)
+
+    @staticmethod
+    def from_xarray(
+        data: Any, *, conditions: Reduced | None = None, scales: Scales | None = None, **said: Any
+    ) -> "Trace":
+        """The trace that an xarray Dataset holds, by the rules of files; what `to_xarray` made comes back.
+
+        Args:
+            data: Variables along one dimension, with `units` among their attributes.
+            conditions: The problem; by default that of the attributes, where they have one.
+            scales: SI values of its units; variables with units need them.
+            **said: As of `from_pandas`.
+
+        Raises:
+            BadShape: A variable of several dimensions.
+            JshellError: As `jshell.io.read_trace`.
+
+        Warns:
+            GuessWarning: What the Dataset leaves open, and what it was taken for.
+        """
+        from jshell.io.frames import from_xarray  # the rules of files live above; the door is here
+
+        return from_xarray(data, conditions, scales, said)
+
     def _facts(self) -> dict[str, Any]:
         """Conditions and outcome by the keys that files have for them; arrays where a batch differs."""
         facts: dict[str, Any] = {}

@@ -11,6 +11,7 @@ from jshell.calibration.options import default_of, words_of
 from jshell.cli.destinations import drawable, writable
 from jshell.cli.options import flag, takes_fit_options
 from jshell.cli.output import Json, finish, log, say, speaking
+from jshell.cli.reading import takes_reading
 from jshell.errors import BadValue
 
 TABLE_NEEDS = ("d_hat", "P0_hat", "Pext_hat", "omega_minus", "omega_plus")
@@ -19,12 +20,14 @@ SHOWN = {"k_vs": "kVS"}
 
 
 @speaking
+@takes_reading
 @takes_fit_options
 def fit(
     files: Annotated[
         list[Path] | None,
-        typer.Argument(help="Traces (.csv, .tsv, .json, .nc, .mat, .npz) that share their constants."),
+        typer.Argument(help="Traces (text, .xlsx, .json, .nc, .mat, .npz, .tdms) that share their constants."),
     ] = None,
+    reading: Any = None,
     table: Annotated[Path | None, typer.Option(help="Table of frequencies (CSV) instead of traces.")] = None,
     weighting: Annotated[str, typer.Option(help=f"{words_of('weighting')}.")] = "V_e omega",
     meta: Annotated[Path | None, typer.Option(help="Conditions (JSON) for files without them.")] = None,
@@ -48,9 +51,9 @@ def fit(
     writable(save, "--save")
     traces = []
     if table is not None:
-        found = _of_table(table, weighting, options, compare)
+        found = _of_table(table, weighting, options, compare, reading)
     else:
-        traces = [jshell.io.read_trace(file, meta=meta) for file in files or []]
+        traces = [jshell.io.read_trace(file, meta=meta, **reading) for file in files or []]
         found = jshell.calibration.fit_trajectories(traces, options=options)
     if save is not None:
         log(f"wrote {found.save(save)}")
@@ -66,9 +69,9 @@ def fit(
     tell(found, more, plot, as_json)
 
 
-def _of_table(path: Path, weighting: str, options: Any, compare: bool) -> "jshell.FitResult":
+def _of_table(path: Path, weighting: str, options: Any, compare: bool, reading: Any) -> "jshell.FitResult":
     """A fit of frequencies, which has but a few of the options."""
-    rows = jshell.io.read_table(path, required=TABLE_NEEDS, optional=TABLE_MAY)
+    rows = jshell.io.read_table(path, required=TABLE_NEEDS, optional=TABLE_MAY, **reading)
     given = options.differing()
     for name in ("fix", "bounds", "starts", "seed"):
         given.pop(name, None)

@@ -24,6 +24,14 @@ VERBS = {
     ),
     "simulate": ("traces", "Buckle a shell in time and write the trace."),
     "analyse": ("traces", "Analyse a trace: two frequencies, a decay time, amplitude ratios, a verdict."),
+    "read": (
+        "reading",
+        "Show what a file holds: columns, units, steps, gaps, what was taken for what, what was passed over.",
+    ),
+    "film": (
+        "film",
+        "Measure a film of a shell: height and width in time, with errors; with --analyse, its frequencies.",
+    ),
     "fit": ("fits", "Fit the short model's constants."),
     "show": ("fits", "Show a saved fit: its report and its picture, without fitting again."),
     "frequencies": (

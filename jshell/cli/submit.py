@@ -11,16 +11,19 @@ from jshell.cli.destinations import writable
 from jshell.cli.fits import tell
 from jshell.cli.options import takes_fit_options
 from jshell.cli.output import Json, log, say, speaking
+from jshell.cli.reading import takes_reading
 
 LOCAL = "http://127.0.0.1:8765"
 
 
 @speaking
+@takes_reading
 @takes_fit_options
 def submit(
     files: Annotated[
-        list[Path], typer.Argument(help="Traces (.csv, .tsv, .json, .nc, .mat, .npz) that share their constants.")
+        list[Path], typer.Argument(help="Traces (text, .xlsx, .json, .nc, .mat, .npz, .tdms) that share constants.")
     ],
+    reading: Any = None,
     url: Annotated[str, typer.Option(help="Where `jshell serve` runs.")] = LOCAL,
     options: Any = None,
     profile: Annotated[bool, typer.Option(help="Asymmetric 95% intervals by profile likelihood.")] = False,
@@ -37,7 +40,8 @@ def submit(
             writable(path, option)
     client = importlib.import_module("jshell.service.client").Client(url)
     with client, warnings.catch_warnings():
-        job = client.submit(list(files), key=key, profile=profile, **options.differing())
+        sent = [client.upload(file, **reading) for file in files] if reading else list(files)
+        job = client.submit(sent, key=key, profile=profile, **options.differing())
         if not wait:
             say({"id": job.id, "state": job.state, "url": f"{client.url}/fits/{job.id}"})
             return

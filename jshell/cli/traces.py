@@ -31,6 +31,7 @@ from jshell.cli.driving import (
 )
 from jshell.cli.output import Json, finish, log, say, speaking, table
 from jshell.cli.problem import Problem, with_conditions
+from jshell.cli.reading import takes_reading
 from jshell.cli.statics import Attached, Elements, Spot, weak_spot
 from jshell.errors import BadUnits, BadValue, Outcome, choose
 
@@ -182,11 +183,15 @@ def settled(trace: "jshell.Trace", channel: str) -> float:
 
 
 @speaking
+@takes_reading
 def analyse(
-    file: Annotated[Path, typer.Argument(help="Trace: .csv, .tsv, .json, .nc, .mat, .npz.")],
+    file: Annotated[Path, typer.Argument(help="Trace: text of any instrument, .xlsx, .json, .nc, .mat, .npz, .tdms.")],
+    reading: Any = None,
     channel: Annotated[str | None, typer.Option(help="Channel to analyse; V, else all of H, W, S.")] = None,
-    start: Annotated[float | None, typer.Option("--from", help="Window's start, dimensionless time.")] = None,
-    stop: Annotated[float | None, typer.Option("--to", help="Window's end, dimensionless time.")] = None,
+    start: Annotated[
+        float | None, typer.Option("--from", help="Window's start, dimensionless time; seconds without conditions.")
+    ] = None,
+    stop: Annotated[float | None, typer.Option("--to", help="Window's end, in the same.")] = None,
     drift: Annotated[
         str, typer.Option(help="What the modes ring about: none, constant, line, exponential, or auto.")
     ] = "constant",
@@ -194,7 +199,9 @@ def analyse(
     as_json: Json = False,
 ) -> None:
     """Analyse a trace: two frequencies, a decay time, amplitude ratios, a verdict."""
-    trace = jshell.io.read_trace(file, meta=meta)
+    trace = jshell.io.read_trace(file, meta=meta, **reading)
+    if trace.conditions is None and trace.scales is None:
+        log("note: times have no unit; `--units t=s` (or ms, …) gives the frequencies in Hz")
     found = jshell.signals.extract(trace, channel, start=start, stop=stop, drift=drift)
     if as_json:
         say({"file": str(file), **found.record()})
@@ -211,10 +218,11 @@ def analyse(
 def signature_table(found: "jshell.signals.Signature") -> str:
     """A signature as text."""
     error = found.stderr
+    shown = lambda value, unit: None if value is None else f"{value:.5g} {unit}"  # noqa: E731
     rows: list[tuple] = [
-        ("slow frequency ω−", found.omega_minus, error.get("omega_minus"), found.f_minus_Hz),
-        ("fast frequency ω+", found.omega_plus, error.get("omega_plus"), found.f_plus_Hz),
-        ("decay time τ", found.tau, error.get("tau"), None),
+        ("slow frequency ω−", found.omega_minus, error.get("omega_minus"), shown(found.f_minus_Hz, "Hz")),
+        ("fast frequency ω+", found.omega_plus, error.get("omega_plus"), shown(found.f_plus_Hz, "Hz")),
+        ("decay time τ", found.tau, error.get("tau"), shown(found.tau_s, "s")),
     ]
     rows += [(f"A+/A− on {name}", ratio, None, None) for name, ratio in found.amplitude_ratio.items()]
     rows += [("residual / signal", found.residual, None, None), ("modes needed", found.verdict, None, None)]
@@ -222,7 +230,7 @@ def signature_table(found: "jshell.signals.Signature") -> str:
         ("window", f"{found.window[0]:.5g} to {found.window[1]:.5g}", None, None),
         ("drift", found.drift, None, None),
     ]
-    header = ("from " + ", ".join(found.channels), "value", "±", "Hz")
+    header = ("from " + ", ".join(found.channels), "value", "±", "SI")
     if found.frequency_unit is None:
         return table([row[:3] for row in rows], header[:3])
     return table(rows, header)

@@ -15,6 +15,7 @@ import numpy as np
 from jshell.errors import BadFile
 from jshell.files import NamedBytes
 from jshell.io.arrays import SETTINGS, check_array, refuse_names, settings_text, sheet_of
+from jshell.io.choices import Reading
 from jshell.io.files import SPOILED, check_size, spoiled
 from jshell.io.headers import CONDITION_KEYS
 from jshell.io.sheets import Sheet, title
@@ -23,7 +24,7 @@ WORDS = "NumPy archive"
 _HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 
 
-def read(file: NamedBytes, required: Sequence[str] = ()) -> Sheet:
+def read(file: NamedBytes, choices: Reading, required: Sequence[str] = ()) -> Sheet:
     """Columns of an `.npz` archive.
 
     Raises:
@@ -45,7 +46,7 @@ def read(file: NamedBytes, required: Sequence[str] = ()) -> Sheet:
                 expected="every name once",
                 remedy="Write it again.",
             )
-        return sheet_of(file.name, list(_arrays(file.name, archive, members)), required)
+        return sheet_of(file.name, list(_arrays(file.name, archive, members)), choices, required)
 
 
 def _arrays(source: str, archive: zipfile.ZipFile, members: list[zipfile.ZipInfo]) -> Iterator[tuple[str, np.ndarray]]:

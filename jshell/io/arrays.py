@@ -5,14 +5,15 @@ header. `settings` is a text of lines `key: value`; `units` one of lines
 `column: unit`, for formats whose names cannot hold brackets.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import PurePath
 
 import numpy as np
 
 from jshell.errors import BadFile, BadName, BadValue
+from jshell.io.choices import Reading
 from jshell.io.files import check_size, short
-from jshell.io.sheets import Entry, Sheet, entry, require, titles
+from jshell.io.sheets import Entry, Sheet, entry, titles
 
 SETTINGS = "settings"
 UNITS = "units"
@@ -44,16 +45,17 @@ def check_array(place: str, shape: Sequence[int], kind: str, itemsize: int) -> N
 
 
 def sheet_of(
-    file: str, arrays: Iterable[tuple[str, np.ndarray]], required: Sequence[str] = (), units: Mapping[str, str] = {}
+    file: str, arrays: Iterable[tuple[str, np.ndarray]], choices: Reading, required: Sequence[str] = ()
 ) -> Sheet:
     """A sheet from named arrays that `check_array` has passed.
 
     Raises:
         BadFile: Columns of different lengths or without rows, names that stand twice.
-        BadName: A required column is missing, a unit of no column.
+        BadName: A unit of no column.
         BadValue: A number that is NaN or infinite.
     """
-    entries, columns, given = [], {}, dict(units)
+    entries, columns = [], {}
+    given: dict[str, str] = {}
     for name, values in arrays:
         place = f"{file}, key `{name}`"
         if values.dtype.kind == "U":
@@ -71,7 +73,6 @@ def sheet_of(
     spelled = list(columns)
     names, written = titles(file, spelled)
     written = tuple(given.pop(name, unit) for name, unit in zip(names, written, strict=True))
-    require(file, names, required)
     if given:
         raise BadName(
             f"{file}, units of `{next(iter(given))}`",
@@ -80,7 +81,7 @@ def sheet_of(
             remedy="Correct the name.",
         )
     values = tuple(vector(columns[key]) for name, key in zip(names, spelled, strict=True))
-    return checked(Sheet(file, tuple(entries), names, written, values))
+    return checked(Sheet(file, tuple(entries), names, written, values), choices)
 
 
 def vector(values: np.ndarray) -> np.ndarray:
@@ -89,8 +90,8 @@ def vector(values: np.ndarray) -> np.ndarray:
         return np.ascontiguousarray(values.reshape(-1), dtype=np.float64)
 
 
-def checked(sheet: Sheet) -> Sheet:
-    """The sheet, unless its columns differ in length or hold what is no number."""
+def checked(sheet: Sheet, choices: Reading) -> Sheet:
+    """The sheet, unless its columns differ in length or hold what is no number and is not to be dropped."""
     for name, values in zip(sheet.names, sheet.columns, strict=True):
         if values.size != sheet.columns[0].size:
             raise BadFile(
@@ -104,13 +105,13 @@ def checked(sheet: Sheet) -> Sheet:
                 sheet.place(name), found="no rows", expected="rows of numbers", remedy="Check how the file was written."
             )
         bad = ~np.isfinite(values)
-        if np.any(bad):
+        if np.any(bad) and choices.missing == "refuse":
             at = int(np.argmax(bad))
             raise BadValue(
                 sheet.place(name, at),
                 found=f"{values[at]}",
                 expected="a finite number",
-                remedy="Remove the row or the column.",
+                remedy="Correct it, or leave such rows out: `--missing drop`.",
             )
     return sheet
 

@@ -163,10 +163,15 @@ def brief(text: str, length: int = 60) -> str:
 
 # First bytes of files that are not text, in words, and what to do with them.
 _SIGNATURES = (
-    (b"PK\x03\x04", "a zip archive", "rename it `.npz` if NumPy wrote it; export a spreadsheet as CSV in UTF-8"),
+    (
+        b"PK\x03\x04",
+        "a zip archive",
+        "rename it `.npz` if NumPy wrote it, `.xlsx` if a spreadsheet did; or export it as CSV in UTF-8",
+    ),
     (b"\x89HDF", "an HDF5 file", "rename it `.nc` if it is NetCDF; save MATLAB files with `-v7`"),
     (b"MATLAB 5.0", "a MATLAB file", "rename it `.mat`"),
     (b"\x93NUMPY", "a single NumPy array", "save named arrays with `numpy.savez`, or write CSV"),
+    (b"TDSm", "an NI file", "rename it `.tdms`"),
     (b"CDF", "a classic NetCDF file", "convert it with `nccopy -k nc4`, and name it `.nc`"),
     (b"\xff\xfe", "text in UTF-16", "save it as CSV in UTF-8"),
     (b"\xfe\xff", "text in UTF-16", "save it as CSV in UTF-8"),

@@ -11,7 +11,8 @@ from pathlib import Path, PurePath
 
 from jshell.errors import BadName
 from jshell.files import NamedBytes, Source
-from jshell.io import archives, matlab, netcdf, objects, text
+from jshell.io import archives, matlab, netcdf, objects, spreadsheets, tdms, text
+from jshell.io.choices import Reading
 from jshell.io.files import read_bytes, write_bytes
 from jshell.io.sheets import Sheet
 
@@ -20,7 +21,7 @@ from jshell.io.sheets import Sheet
 class Format:
     """How files of one suffix are read and written."""
 
-    read: Callable[[NamedBytes, Sequence[str]], Sheet]
+    read: Callable[[NamedBytes, Reading, Sequence[str]], Sheet]
     encode: Callable[[Sheet], bytes]
 
 
@@ -40,18 +41,22 @@ FORMATS = {
     ".mat": Format(matlab.read, matlab.encode),
     ".npz": Format(archives.read, archives.encode),
 }
+READ_ONLY = {
+    ".xlsx": Format(spreadsheets.read, spreadsheets.encode),
+    ".xlsm": Format(spreadsheets.read, spreadsheets.encode),
+    ".tdms": Format(tdms.read, tdms.encode),
+}
 
 
-def read_sheet(source: Source, required: Sequence[str] = ()) -> Sheet:
-    """A file of columns as it stands, with at least the columns required.
+def read_sheet(source: Source, choices: Reading, required: Sequence[str] = ()) -> Sheet:
+    """A file of columns as it stands; a column that is required is one even with a single row.
 
     Raises:
         BadFile: Not a file of columns of its format.
-        BadName: A required column is missing.
-        BadValue: A number that is NaN or infinite.
+        BadValue: A number that is NaN or infinite, where such rows are not to be dropped.
     """
     file = read_bytes(source)
-    return FORMATS.get(file.suffix, _COMMAS).read(file, required)
+    return (FORMATS | READ_ONLY).get(file.suffix, _COMMAS).read(file, choices, required)
 
 
 def check_suffix(path: str | Path, place: str = "") -> None:

@@ -1,6 +1,7 @@
 """Columns in MATLAB's `.mat`, version 5 to 7.
 
-Every column is a variable. MATLAB's names hold no brackets: units stand in a
+Every column is a variable, or a field of a structure: `ScopeData.time` is the
+column `time`, and of a matrix in a structure every column is one. MATLAB's names hold no brackets: units stand in a
 text `units` of lines `V: mm^3`, settings in a text `settings`. SciPy writes;
 reading is done here, because SciPy 1.17 ends the whole process on some spoiled
 files, and because every length must be checked before memory is asked for.
@@ -21,6 +22,7 @@ import scipy.io
 from jshell.errors import BadFile
 from jshell.files import NamedBytes
 from jshell.io.arrays import SETTINGS, UNITS, check_array, refuse_names, settings_text, sheet_of
+from jshell.io.choices import Reading
 from jshell.io.files import LIMIT, SPOILED, check_size, spoiled
 from jshell.io.headers import CONDITION_KEYS
 from jshell.io.sheets import Sheet
@@ -29,11 +31,12 @@ WORDS = "MATLAB file of version 5 to 7"
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,30}")
 HEADER = 128  # bytes
 MATRIX, COMPRESSED, UTF8 = 14, 15, 16
-CHAR = 4
+CHAR, STRUCTURE = 4, 2
+DEEPEST, MOST_FIELDS = 4, 64  # structures in structures; fields of one, columns of a matrix
 COMPLEX, LOGICAL = 0x800, 0x200  # bits of a matrix's flags
 _NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 _LETTERS = {1: "latin-1", 2: "latin-1", 4: "utf-16", UTF8: "utf-8", 17: "utf-16", 18: "utf-32"}
-_CLASSES = {1: "O", 2: "O", 3: "O", CHAR: "U", 5: "O", 6: "f", 7: "f"}
+_CLASSES = {1: "O", STRUCTURE: "O", 3: "O", CHAR: "U", 5: "O", 6: "f", 7: "f"}
 _CLASSES |= {number: "iu"[number % 2] for number in range(8, 16)}
 
 
@@ -43,11 +46,11 @@ class _Element:
     data: memoryview
 
 
-def read(file: NamedBytes, required: Sequence[str] = ()) -> Sheet:
+def read(file: NamedBytes, choices: Reading, required: Sequence[str] = ()) -> Sheet:
     """Columns of a `.mat` file.
 
     Raises:
-        BadFile: No such file, of version 7.3, cells or structures, one array with several columns, or too large.
+        BadFile: No such file, of version 7.3, cells, one array with several columns, or too large.
     """
     raw = memoryview(file.content)
     if bytes(raw[:10]) != b"MATLAB 5.0":
@@ -58,7 +61,7 @@ def read(file: NamedBytes, required: Sequence[str] = ()) -> Sheet:
             remedy="In MATLAB, save it with `save('trace.mat', 't', 'V', '-v7')`.",
         )
     found: dict[str, np.ndarray] = {}
-    for name, values in _variables(file.name, raw):
+    for name, values in _shortened(list(_variables(file.name, raw))):
         if name in found:
             raise BadFile(
                 f"{file.name}, variable `{name}`",
@@ -67,7 +70,7 @@ def read(file: NamedBytes, required: Sequence[str] = ()) -> Sheet:
                 remedy="Save it again.",
             )
         found[name] = values
-    return sheet_of(file.name, found.items(), required)
+    return sheet_of(file.name, found.items(), choices, required)
 
 
 def encode(sheet: Sheet) -> bytes:
@@ -107,9 +110,7 @@ def _variables(source: str, raw: memoryview) -> Iterator[tuple[str, np.ndarray]]
                 element = next(_elements(memoryview(data), order))
             if element.kind != MATRIX:
                 raise ValueError(f"an element of type {element.kind} where a variable should stand")
-            name, values = _variable(source, element.data, order)
-            if name:  # MATLAB keeps what belongs to functions under no name
-                yield name, values
+            yield from _found(source, element.data, order, "", 0)
     except BadFile:
         raise
     except SPOILED as error:
@@ -132,25 +133,57 @@ def _elements(data: memoryview, order: str) -> Iterator[_Element]:
         at = end
 
 
-def _variable(source: str, data: memoryview, order: str) -> tuple[str, np.ndarray]:
+def _found(source: str, data: memoryview, order: str, prefix: str, depth: int) -> Iterator[tuple[str, np.ndarray]]:
+    """The columns and words of one variable, or of the fields of a structure."""
     parts = _elements(data, order)
     flags = int(np.frombuffer(next(parts).data, order + "u4", 2)[0])
     shape = [int(size) for size in np.frombuffer(next(parts).data, order + "i4")]
-    name = bytes(next(parts).data).decode("ascii")
-    kind = _CLASSES.get(flags & 0xFF, "O")
-    kind = "b" if flags & LOGICAL else "c" if flags & COMPLEX else kind
-    if not name:
-        return "", np.empty(0)
+    name = prefix or bytes(next(parts).data).decode("ascii")
+    if not name:  # MATLAB keeps what belongs to functions under no name
+        return
+    if prefix:
+        next(parts)  # a field's own name is empty
     if min(shape, default=-1) < 0:
         raise ValueError(f"the shape {tuple(shape)}")
-    check_array(f"{source}, variable `{name}`", [1] if kind == "U" else shape, kind, 8)
+    kind = _CLASSES.get(flags & 0xFF, "O")
+    kind = "b" if flags & LOGICAL else "c" if flags & COMPLEX else kind
+    if flags & 0xFF == STRUCTURE and shape == [1, 1] and depth < DEEPEST:
+        width = int(np.frombuffer(next(parts).data, order + "i4", 1)[0])
+        names = bytes(next(parts).data)
+        if width < 1 or len(names) > width * MOST_FIELDS:
+            raise ValueError(f"names of {width} letters in the structure `{name}`")
+        for at in range(0, len(names), width):
+            field = names[at : at + width].partition(b"\0")[0].decode("ascii")
+            inside = next(parts)
+            if inside.data:
+                yield from _found(source, inside.data, order, f"{name}.{field}", depth + 1)
+        return
+    wide = len(shape) == 2 and min(shape) > 1 and shape[1] <= MOST_FIELDS and kind in "fiu" and depth > 0
+    if depth > 0 and (kind not in "fiuU" or (sum(size != 1 for size in shape) > 1 and not wide)):
+        return  # a structure may hold anything beside its columns
+    check_array(
+        f"{source}, variable `{name}`", [1] if kind == "U" else [shape[0] * shape[1]] if wide else shape, kind, 8
+    )
     part = next(parts, _Element(9, memoryview(b"")))
     if kind == "U":
-        return name, np.asarray(_letters(part, shape, order))
+        yield name, np.asarray(_letters(part, shape, order))
+        return
     values = np.frombuffer(part.data, order + _NUMBERS[part.kind])
     if values.size != int(np.prod(shape, dtype=object)):
         raise ValueError(f"variable `{name}` has {values.size} numbers for a shape {tuple(shape)}")
-    return name, values.reshape(shape)
+    if wide:
+        for k, column in enumerate(values.reshape(shape[::-1]), 1):  # MATLAB counts down the columns
+            yield f"{name}.{k}", column
+    else:
+        yield name, values.reshape(shape)
+
+
+def _shortened(found: list[tuple[str, np.ndarray]]) -> list[tuple[str, np.ndarray]]:
+    """Fields without the name of their structure, where no two then have the same."""
+    bare = [name.partition(".")[2] or name for name, _ in found]
+    if len(set(bare)) < len(bare):
+        return found
+    return [(name, values) for name, (_, values) in zip(bare, found, strict=True)]
 
 
 def _letters(part: _Element, shape: Sequence[int], order: str) -> str:

@@ -7,6 +7,7 @@ here are the same thing. Packed numbers are refused, not unpacked.
 import io as streams
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ import numpy as np
 from jshell.errors import BadFile, require_extra
 from jshell.files import NamedBytes
 from jshell.io.arrays import SETTINGS, check_array, refuse_names, settings_text, sheet_of
+from jshell.io.choices import Reading
 from jshell.io.files import SPOILED, check_size, looks_like, spoiled
 from jshell.io.headers import CONDITION_KEYS
 from jshell.io.sheets import Sheet, title
@@ -22,10 +24,11 @@ WORDS = "NetCDF 4 file"
 PURE = "1"  # how the CF conventions spell a pure number
 NAME = re.compile(r"\w([\w \-+.()^]*[\w\-+.()^])?")
 _NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable"
+_SINCE = re.compile(r"\s+since\s.*")  # the CF conventions count times from a date
 _PACKED = ("scale_factor", "add_offset", "_FillValue", "missing_value")
 
 
-def read(source: NamedBytes, required: Sequence[str] = ()) -> Sheet:
+def read(source: NamedBytes, choices: Reading, required: Sequence[str] = ()) -> Sheet:
     """Columns of a NetCDF file.
 
     Raises:
@@ -47,7 +50,7 @@ def read(source: NamedBytes, required: Sequence[str] = ()) -> Sheet:
     try:
         with h5py.File(streams.BytesIO(source.content), "r") as file:
             header = [(f"{source}, attribute `{key}`", key, _array(file.attrs[key])) for key in _own(file.attrs)]
-            columns, units = _columns(source.name, file)
+            columns, units, axes = _columns(source.name, file)
     except BadFile:
         raise
     except SPOILED as error:
@@ -57,16 +60,16 @@ def read(source: NamedBytes, required: Sequence[str] = ()) -> Sheet:
     pure = all(unit == PURE for unit in units.values())
     spelled = {name: None if pure else ("-" if unit == PURE else unit) for name, unit in units.items()}
     words = [(key, value.reshape(())) for _, key, value in header if value.size == 1]
-    return sheet_of(
-        source.name, [*words, *((title(name, spelled.get(name)), x) for name, x in columns.items())], required
-    )
+    named = [(title(name, spelled.get(name)), x) for name, x in columns.items()]
+    made = sheet_of(source.name, [*words, *named], choices, required)
+    return replace(made, axis=axes[0] if len(axes) == 1 and "t" not in columns else "")
 
 
-def _columns(source: str, file: Any) -> tuple[dict[str, np.ndarray], dict[str, str]]:
-    """The variables of a file, and the units of those that name them."""
+def _columns(source: str, file: Any) -> tuple[dict[str, np.ndarray], dict[str, str], list[str]]:
+    """The variables of a file, the units of those that name them, and those that others lie along."""
     import h5py
 
-    columns, units, total = {}, {}, 0.0
+    columns, units, axes, total = {}, {}, [], 0.0
     for name in file:
         place = f"{source}, variable `{name}`"
         found = file[name] if isinstance(file.get(name, getlink=True), h5py.HardLink) else None
@@ -86,8 +89,10 @@ def _columns(source: str, file: Any) -> tuple[dict[str, np.ndarray], dict[str, s
         columns[str(name)] = np.asarray(found[...])
         _refuse_packed(place, {key: attributes[key] for key in _PACKED if key in attributes}, columns[str(name)])
         if "units" in attributes:
-            units[str(name)] = _text(attributes["units"])
-    return columns, units
+            units[str(name)] = _SINCE.sub("", _text(attributes["units"]))
+        if attributes.get("CLASS") in (b"DIMENSION_SCALE", "DIMENSION_SCALE"):
+            axes.append(str(name))
+    return columns, units, axes
 
 
 def encode(sheet: Sheet) -> bytes:

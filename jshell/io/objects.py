@@ -14,19 +14,19 @@ import numpy as np
 from jshell.errors import BadFile, BadName, BadValue
 from jshell.files import NamedBytes
 from jshell.io.arrays import checked
+from jshell.io.choices import Reading
 from jshell.io.files import read_text, short
 from jshell.io.headers import CONDITION_KEYS, entries_of, parsed
-from jshell.io.sheets import Sheet, require, title, titles
+from jshell.io.sheets import Sheet, title, titles
 
 COLUMNS = "columns"
 
 
-def read(file: NamedBytes, required: Sequence[str] = ()) -> Sheet:
+def read(file: NamedBytes, choices: Reading, required: Sequence[str] = ()) -> Sheet:
     """Columns of a JSON file.
 
     Raises:
         BadFile: No JSON object with lists of numbers under `columns`, or columns of different lengths.
-        BadName: A required column is missing.
         BadValue: A number that is NaN or infinite.
     """
     pairs = parsed(file.name, read_text(file))
@@ -39,10 +39,12 @@ def read(file: NamedBytes, required: Sequence[str] = ()) -> Sheet:
             remedy='Write `{"columns": {"t": […], "V": […]}}`.',
         )
     names, units = titles(file.name, [str(key) for key, _ in found[0]])
-    require(file.name, names, required)
-    columns = tuple(_column(file.name, name, values) for name, (_, values) in zip(names, found[0], strict=True))
+    columns = tuple(
+        _column(file.name, name, values, choices.missing == "drop")
+        for name, (_, values) in zip(names, found[0], strict=True)
+    )
     rest = [pair for pair in pairs if pair[0] != COLUMNS]
-    return checked(Sheet(file.name, entries_of(rest, file.name), names, units, columns))
+    return checked(Sheet(file.name, entries_of(rest, file.name), names, units, columns), choices)
 
 
 def encode(sheet: Sheet) -> bytes:
@@ -68,8 +70,8 @@ def encode(sheet: Sheet) -> bytes:
     return (json.dumps(record, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 
-def _column(source: str, name: str, values: Any) -> np.ndarray:
-    """A list of numbers as an array; the slow walk happens only to place an error."""
+def _column(source: str, name: str, values: Any, dropping: bool) -> np.ndarray:
+    """A list of numbers as an array; the slow walk happens only to place an error, or to find gaps."""
     if not isinstance(values, list):
         raise BadFile(
             f"{source}, column `{name}`",
@@ -82,6 +84,10 @@ def _column(source: str, name: str, values: Any) -> np.ndarray:
             return np.asarray(values, dtype=np.float64)
         except OverflowError:
             pass  # an integer above 1e308: the walk below places it
+    if dropping:  # null is a gap
+        values = [math.nan if value is None else value for value in values]
+        if set(map(type, values)) <= {float}:
+            return np.asarray(values, dtype=np.float64)
     for at, value in enumerate(values):
         place = f"{source}, row {at + 1}, column `{name}`"
         if type(value) not in (int, float):
@@ -93,6 +99,9 @@ def _column(source: str, name: str, values: Any) -> np.ndarray:
             )
         if abs(value) > 1.7976931348623157e308 or (isinstance(value, float) and not math.isfinite(value)):
             raise BadValue(
-                place, found=short(str(value)), expected="a finite number", remedy="Remove the row or the column."
+                place,
+                found=short(str(value)),
+                expected="a finite number",
+                remedy="Correct it, or leave such rows out: `--missing drop`.",
             )
     raise AssertionError("a list that is neither sound nor wrong")

@@ -10,10 +10,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from jshell.errors import BadFile, BadName
+from jshell.errors import BadFile
 from jshell.io.files import brief, short
 
-SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs"}
 NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII)  # one way to read it: no backtracking
 SHOWN = 12  # names that a message lists at most
 HALVES = re.compile("[\ud800-\udfff]")  # surrogates: JSON may spell them, no file can hold them
@@ -28,6 +27,21 @@ class Entry:
     key: str
     value: str
     place: str
+
+
+@dataclass(frozen=True)
+class Even:
+    """Times that a file tells instead of listing them.
+
+    Attributes:
+        start: First time [s].
+        step: Between samples [s].
+        words: Where it says so.
+    """
+
+    start: float
+    step: float
+    words: str
 
 
 def _row(sample: int) -> str:
@@ -47,6 +61,13 @@ class Sheet:
         comments: `#` lines that are no entries, with their places.
         head: Where the names stand, such as `row 5`; empty where a format has no such place.
         row_of: Sample to the place of its row, such as `row 12`.
+        places: Place of each column in the file, from 1.
+        passed: Columns that are not read, in words.
+        lines: Lines above the table that mean nothing here, and whose file it is.
+        axis: The column that the others lie along, where the format says so.
+        taken: What was taken for what, in words.
+        even: Times, where the file tells start and step of them.
+        pure: Columns whose numbers are dimensionless, as their reader said.
     """
 
     file: str
@@ -57,6 +78,13 @@ class Sheet:
     comments: tuple[Entry, ...] = ()
     head: str = ""
     row_of: Callable[[int], str] = field(default=_row, repr=False)
+    places: tuple[int, ...] = ()
+    passed: tuple[str, ...] = ()
+    lines: tuple[str, ...] = ()
+    axis: str = ""
+    taken: tuple[str, ...] = ()
+    even: Even | None = None
+    pure: tuple[str, ...] = ()
 
     def place(self, name: str, sample: int | None = None) -> str:
         """Where a column, or one sample of it, stands."""
@@ -70,15 +98,15 @@ def entry(line: str, place: str) -> Entry | None:
     return None if found is None else Entry(found[1], found[2].strip(), f"{place}, key `{found[1]}`")
 
 
-def titles(place: str, cells: Sequence[str]) -> tuple[tuple[str, ...], tuple[str | None, ...]]:
-    """Names and units of columns written as `name` or `name [unit]`.
+def titles(place: str, cells: Sequence[str], first: int = 1) -> tuple[tuple[str, ...], tuple[str | None, ...]]:
+    """Names and units of columns written as `name` or `name [unit]`; the first of them stands in column `first`.
 
     Raises:
         BadFile: A name that is empty, that stands twice, or that brackets spoil.
     """
     names: dict[str, int] = {}
     units = []
-    for position, cell in enumerate(cells, 1):
+    for position, cell in enumerate(cells, first):
         found = _COLUMN.fullmatch(cell.strip())
         if found is None:
             raise BadFile(
@@ -112,30 +140,9 @@ def title(name: str, unit: str | None) -> str:
     return name if unit is None else f"{name} [{unit}]"
 
 
-def require(place: str, names: Sequence[str], required: Sequence[str]) -> None:
-    """Refuse columns among which one that is asked for is missing.
-
-    Raises:
-        BadName: A required column is missing.
-    """
-    missing = [name for name in required if name not in names]
-    if not missing:
-        return
-    near = [name for name in names if name.lower() in {word.lower() for word in missing}]
-    if len(names) == 1 and any(mark in names[0] for mark in " |:"):
-        remedy = f"Separate the columns by {', '.join(SEPARATORS.values())}."
-    elif near:
-        remedy = f"Rename `{near[0]}`; capitals count."
-    else:
-        remedy = f"Add a row of names such as `{','.join(required)}` above the numbers, or rename a column."
-    raise BadName(
-        place,
-        found=_listed(names) if names else "no columns",
-        expected=" and ".join(f"a column `{name}`" for name in missing),
-        remedy=remedy,
-    )
-
-
-def _listed(names: Sequence[str]) -> str:
+def listed(names: Sequence[str]) -> str:
+    """Names of columns, as a message lists them."""
+    if not names:
+        return "no columns"
     rest = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
     return "the columns " + ", ".join(f"`{brief(name)}`" for name in names[:SHOWN]) + rest

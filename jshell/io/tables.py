@@ -5,62 +5,107 @@ says which. In text, lines `# key: value` stand above the columns: the condition
 (`d_hat`, `P0_hat`, … or `R0_m`, `d_m`, …), the outcome, and settings in the
 user's own words. Then come a row of names and the numbers. A name alone is
 dimensionless; `V [mm^3]` has a unit, and needs SI conditions to lose it.
-`sigma_V` is the standard error of `V`. What would make a wrong answer later is
+`sigma_V` is the standard error of `V`. A record without conditions stays in SI.
+What a file leaves open is settled by `Reading`, or taken for what it most
+likely is, with a warning that says so. What would make a wrong answer later is
 refused here, with its place.
 """
 
+import warnings
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import jax
 import numpy as np
 
-from jshell.errors import BadFile, BadName, BadShape, BadUnits, BadValue, Outcome, choose
+from jshell.errors import BadFile, BadName, BadShape, BadUnits, BadValue, GuessWarning, Outcome, choose
 from jshell.files import NamedBytes, Source
-from jshell.io import headers
-from jshell.io.columns import Columns, check_finite, check_roles, check_times, check_values, dimensionless
+from jshell.io import headers, roles
+from jshell.io.choices import Reading
+from jshell.io.columns import (
+    SECONDS,
+    Columns,
+    check_finite,
+    check_roles,
+    check_times,
+    check_values,
+    dimensionless,
+    increasing,
+)
 from jshell.io.formats import encode_sheet, read_sheet, write_sheet
 from jshell.io.plausibility import warn_of_slips
 from jshell.io.sheets import HALVES, Entry, Sheet, entry
-from jshell.io.units import SIGMA, dimension_of, si_unit
+from jshell.io.units import LOGARITHMS, SIGMA, dimension_of, si_unit
 from jshell.shell.parameters import CONDITION_FIELDS, Reduced, Scales
 from jshell.trace import Trace, Values
 
+UNITS_KEY = "channel_units"  # the setting that keeps units of another kind, `CH1: V; CH2: dBm`
 
-def read_trace(path: Source, meta: Source | None = None) -> Trace:
+
+@dataclass(frozen=True)
+class Understood:
+    """A record, and what was made of its file.
+
+    Attributes:
+        trace: The record.
+        sheet: Its columns under the names and units that they were read with.
+        taken: What was taken for what, in words.
+    """
+
+    trace: Trace
+    sheet: Sheet
+    taken: tuple[str, ...]
+
+
+def read_trace(path: Source, meta: Source | None = None, *, reading: Reading | None = None, **said: Any) -> Trace:
     """A trace from a file of columns.
 
     Args:
-        path: The file, or its name with its bytes: a column `t`, at least one channel, at least two rows. The
-            suffix tells the format: `.json`, `.nc`, `.mat`, `.npz`; every other is text with commas, semicolons or
-            tabs.
+        path: The file, or its name with its bytes: times, at least one channel, at least two rows. The suffix tells
+            the format: `.json`, `.nc`, `.mat`, `.npz`, `.xlsx`, `.tdms`; every other is text, of any instrument.
         meta: A JSON file with the keys of a header, for files without conditions. Where both have
             conditions they must agree.
+        reading: What the file leaves open.
+        said: The same by its fields: `columns={"t": "Time (s)", "H": 3}`, `units={"H": "mm"}`, `rate=1000`,
+            `time_from="frame"`, `rows="12:400"`, `missing="drop"`.
 
     Returns:
-        The trace, dimensionless. `scales` is set where the conditions are SI, `conditions` is None
-        where neither file has any.
+        The trace, dimensionless. `scales` is set where the conditions are SI, `conditions` is None where neither file
+        has any. Columns with units but without conditions are given in SI, with `scales` of one metre, pascal and
+        kg/m³, so that its unit of time is the second. Columns in units of another kind, such as V, keep their numbers;
+        the setting `channel_units` says which.
 
     Raises:
         BadFile: Not a file of columns, or part of the conditions is missing.
-        BadName: No column `t`, no channel, a `sigma_` without its channel, an unknown outcome.
+        BadName: No time, no channel, a `sigma_` without its channel, an unknown outcome.
         BadUnits: Units that are unknown, mixed, in contradiction to the name, or without SI conditions.
         BadValue: A number outside its meaning: time that stands still, a volume above the sphere's.
-        MissingExtra: A NetCDF file without h5netcdf installed.
+        MissingExtra: A format whose library is not installed.
 
     Warns:
+        GuessWarning: What the file leaves open, and what it was taken for.
         RangeWarning: A volume or area slightly beyond the sphere's; columns that a slip of units would explain.
     """
-    return trace_of_sheet(read_sheet(path, ("t",)), meta)
+    reading = reading or Reading.from_record(said)
+    found = understood(read_sheet(path, reading, ("t",)), meta, reading)
+    if found.taken:
+        warnings.warn(f"{path}: " + "; ".join(found.taken) + ".", GuessWarning, stacklevel=2)
+    return found.trace
 
 
-def trace_of_sheet(sheet: Sheet, meta: Source | None = None) -> Trace:
-    """The trace that a file's columns stand for; as `read_trace`, for who needs the columns as they stand as well."""
+def understood(sheet: Sheet, meta: Source | None = None, reading: Reading | None = None) -> Understood:
+    """The trace that a file's columns stand for; as `read_trace`, for who needs to know what was made of them."""
+    reading = reading or Reading()
     headers.refuse_equals_signs(sheet.comments)
     extra = () if meta is None else headers.read_entries(meta)
     problem, unit = _agreed(sheet, extra, meta)
+    sheet = roles.record(sheet, reading, dimensional=problem is None)
 
-    columns = dimensionless(sheet, unit)
+    columns, own = dimensionless(sheet, unit, told=problem is not None)
+    si = problem is None and "t" not in sheet.pure and any(one is not None for one in sheet.units)
+    unit = SECONDS if si else unit
     check_finite(columns, sheet.place)
     times = columns.pop("t")
     channels: dict[str, Values] = {name: x for name, x in columns.items() if not name.startswith(SIGMA)}
@@ -70,18 +115,34 @@ def trace_of_sheet(sheet: Sheet, meta: Source | None = None) -> Trace:
         raise BadFile(
             sheet.file, found="a single row of numbers", expected="at least two", remedy="Use a longer record."
         )
-    check_times(times, sheet.place)
-    check_values(columns, sheet.place)
+    times, rounded = increasing(times, sheet.place)
+    check_values(columns, sheet.place, si=si)
     written = dict(zip(sheet.names, sheet.units, strict=True))
     warn_of_slips({"t": times, **columns}, written, problem, unit, sheet.place)
 
-    own = {line.key for line in sheet.entries}
-    entries = (*sheet.entries, *(line for line in extra if line.key not in own))
-    return Trace(times, channels, problem, sigma, headers.outcome(entries), headers.settings(entries), unit)
+    lines = {line.key for line in sheet.entries}
+    entries = (*sheet.entries, *(line for line in extra if line.key not in lines))
+    settings = headers.settings(entries)
+    if own:
+        settings = (*settings, (UNITS_KEY, "; ".join(f"{name}: {one}" for name, one in own.items())))
+    taken = [*sheet.taken, *([rounded] if rounded else [])]
+    taken += [
+        f"`{name}` is in {one}, a logarithm: convert it before it is analysed"
+        for name, one in own.items()
+        if one in LOGARITHMS
+    ]
+    taken += [f"passed over: {', '.join(sheet.passed)}"] if sheet.passed else []
+    trace = Trace(times, channels, problem, sigma, headers.outcome(entries), settings, unit)
+    return Understood(trace, sheet, tuple(taken))
 
 
 def read_table(
-    path: Source, required: Sequence[str] = (), optional: Sequence[str] | None = None
+    path: Source,
+    required: Sequence[str] = (),
+    optional: Sequence[str] | None = None,
+    *,
+    reading: Reading | None = None,
+    **said: Any,
 ) -> dict[str, np.ndarray]:
     """The columns of a file that need not be a record in time.
 
@@ -89,6 +150,8 @@ def read_table(
         path: The file, or its name with its bytes.
         required: Columns it must have.
         optional: Columns it may have beside them; None allows any.
+        reading: What the file leaves open.
+        said: The same by its fields, as of `read_trace`.
 
     Returns:
         Name to (rows,) values, dimensionless, in the order of the file.
@@ -97,9 +160,12 @@ def read_table(
         BadFile, BadUnits, BadValue: As for `read_trace`.
         BadName: A required column is missing, or a column is neither required nor optional.
     """
-    sheet = read_sheet(path, required)
+    reading = reading or Reading.from_record(said)
+    sheet = roles.table(read_sheet(path, reading, required), reading, required)
     headers.refuse_equals_signs(sheet.comments)
     headers.condition_entries(sheet.entries)
+    if sheet.taken:
+        warnings.warn(f"{path}: " + "; ".join(sheet.taken) + ".", GuessWarning, stacklevel=2)
     if optional is not None:
         known = (*required, *optional)
         for name in sheet.names:
@@ -113,7 +179,7 @@ def read_table(
     # A table may vary what a header would fix, so its conditions matter only where there are units.
     with_units = any(unit is not None for unit in sheet.units)
     unit = headers.conditions(sheet.entries, sheet.file)[1] if with_units else None
-    columns = dimensionless(sheet, unit)
+    columns, _ = dimensionless(sheet, unit, told=True)
     check_values(columns, sheet.place)
     return columns
 
@@ -159,7 +225,11 @@ def _sheet_of_trace(file: str, trace: Trace, units: str) -> Sheet:
     choose("units", units, ("reduced", "si"), expected="reduced or si")
     columns = _checked(trace)
     spelled: tuple[str | None, ...] = tuple(None for _ in columns)
-    if units == "reduced":
+    own = dict(pair.split(": ", 1) for pair in dict(trace.settings).get(UNITS_KEY, "").split("; ") if ": " in pair)
+    if trace.conditions is None and trace.scales == SECONDS:  # in SI as it is: the unit of time would be lost
+        header = []
+        spelled = tuple(own.get(name) or si_unit(name) for name in columns)
+    elif units == "reduced":
         header = [] if trace.conditions is None else headers.reduced_pairs(trace.conditions)
     else:
         if trace.scales is None or trace.conditions is None:
@@ -171,13 +241,14 @@ def _sheet_of_trace(file: str, trace: Trace, units: str) -> Sheet:
                 remedy='Write it with units="reduced", or set them.',
             )
         header = headers.si_pairs(trace.conditions, trace.scales)
-        spelled = tuple(si_unit(name) for name in columns)
+        spelled = tuple(own.get(name) or si_unit(name) for name in columns)
         with np.errstate(over="ignore", under="ignore"):
             columns = {name: values * trace.scales.of(dimension_of(name)) for name, values in columns.items()}
         check_finite(columns, _sample)
-    for key, value in trace.settings:
+    settings = [(key, value) for key, value in trace.settings if key != UNITS_KEY or spelled[0] is None]
+    for key, value in settings:
         _check_setting(key, value)
-    header = [*header, ("outcome", Outcome(int(trace.outcome)).word), *trace.settings]
+    header = [*header, ("outcome", Outcome(int(trace.outcome)).word), *settings]
     entries = tuple(Entry(key, value, "trace") for key, value in header)
     return Sheet(file, entries, tuple(columns), spelled, tuple(columns.values()))
 
@@ -242,7 +313,7 @@ def _checked(trace: Trace) -> Columns:
     if times.size < 2:
         raise BadValue("trace", found=f"{times.size} samples", expected="at least two", remedy="Use a longer record.")
 
-    check_values(columns, _sample)
+    check_values(columns, _sample, si=trace.conditions is None and trace.scales == SECONDS)
     check_times(times, _sample)
     return columns
 

@@ -1,126 +1,176 @@
-"""Columns in text: CSV and its cousins with semicolons, tabs and decimal commas.
+"""Columns in text: tables as spreadsheets, instruments and people write them.
 
-NumPy reads the numbers in one go; the slow walk through the lines happens only
-to place an error. The row of names tells the separator.
-With semicolons or tabs the decimal mark may be a comma, then in every cell.
+`layout` finds the table, `titles` its names. NumPy reads plain numbers in one
+go; what it cannot read, a walk through the lines does: gaps, times of day,
+words beside numbers, decimal commas with thousands; and where that cannot
+either, it places the refusal.
 """
 
-import io as streams
 import re
 from collections.abc import Iterator, Sequence
-from itertools import islice
+from itertools import chain, islice
 
 import numpy as np
-from jaxtyping import Float
 
-from jshell.errors import BadFile, BadValue
+from jshell.errors import BadFile, BadName, BadValue
 from jshell.files import NamedBytes
-from jshell.io.files import read_text, short
-from jshell.io.sheets import NUMBER, SEPARATORS, Entry, Sheet, entry, require, title, titles
+from jshell.io.choices import Reading
+from jshell.io.clock import TIME_NAMES
+from jshell.io.files import read_text
+from jshell.io.instruments import recognise
+from jshell.io.layout import BLANKS, EMPTY, NUMBERS, TIMES, WORDS, Layout, is_comment, laid_out, lines, split
+from jshell.io.notes import header_notes
+from jshell.io.numerals import Marks, marks_of
+from jshell.io.sheets import Sheet, title
+from jshell.io.titles import Titles, found_titles, parted
+from jshell.io.walk import Walk
 
-STRETCH = 4096  # lines passed over at once on the way to an error
-MOST = 100_000  # lines of a header
-LONGEST = 200_000  # characters of a header line or of the row of names
-NOT_FINITE = re.compile(r"[+-]?(nan|inf|infinity)", re.ASCII | re.IGNORECASE)
-_BRACKETS = re.compile(r"\[[^\[\]]*\]")
+STRETCH = 4096  # rows that are written at once
+EVIDENCE = re.compile(r"\d[.' \u00a0\u202f’]\d{3},\d|\d[,' \u00a0\u202f’]\d{3}\.\d|\d([.,'])\d{3}\1\d{3}")
 
 
-def read(file: NamedBytes, required: Sequence[str] = ()) -> Sheet:
+def read(file: NamedBytes, choices: Reading, required: Sequence[str] = ()) -> Sheet:
     """Columns of a text file.
 
     Raises:
-        BadFile: Not a file of columns: no text, no rows, ragged rows, unnamed or repeated columns, words for numbers.
-        BadName: A required column is missing.
-        BadValue: A cell that is NaN or infinite.
+        BadFile: Not a file of columns: no text, no rows, ragged rows, repeated names, words for numbers.
+        BadValue: A cell that is NaN or infinite, unless such rows are to be dropped.
     """
-    entries, comments = [], []
     try:
-        for number, line in enumerate(_lines(file), 1):
-            place = f"{file}, row {number}"
-            if "\0" in line or len(line) > LONGEST:
-                read_text(file)  # says which byte is no text
-                raise BadFile(
-                    place,
-                    found=f"a line of more than {LONGEST} characters",
-                    expected="header lines and a row of names",
-                    remedy="Check how the file was written.",
-                )
-            if number > MOST:
-                raise BadFile(
-                    place,
-                    found=f"more than {MOST} lines of header",
-                    expected="a row of column names",
-                    remedy="Keep long notes in a file of their own.",
-                )
-            bare = line.strip()
-            found = entry(bare, place)
-            if found is not None:
-                entries.append(found)
-            elif bare.startswith("#"):
-                comments.append(Entry("", bare[1:].strip(), place))
-            elif bare:
-                break
-        else:
-            read_text(file)  # says if there is no text at all
-            raise BadFile(
-                file.name, found="comments only", expected="a row of column names", remedy="Add a row such as `t,V`."
-            )
+        layout = laid_out(file, choices.rows[0])
     except UnicodeDecodeError:
-        read_text(file)
+        read_text(file)  # says which byte is no text
         raise
-    mark = _separator(place, line)
-    names, units = titles(place, line.rstrip("\n").split(mark))
-    require(place, names, required)
-    columns = tuple(_numbers(file, number, names, mark).T)
-    row_of = lambda sample: f"row {_nth_filled(file, number, sample)}"  # noqa: E731
-    return Sheet(file.name, tuple(entries), names, units, columns, tuple(comments), f"row {number}", row_of)
+    if layout is None:
+        raise _no_rows(file)
+    known = recognise(file, layout)
+    titles = known.titles if known is not None and known.titles is not None else None
+    titles = titles or found_titles(file.name, layout, by_place=choices.by_place)
+    notes = header_notes(file.name, layout, titles)
+    try:
+        columns, row_of, marks = _columns(file, layout, titles, choices)
+    except (BadFile, BadValue, UnicodeDecodeError):
+        read_text(file)  # says which byte is no text
+        raise
+    kept = sorted(columns)
+    said = (
+        [] if marks.thousands == "" else [f"`{marks.thousands}` parts thousands, `{marks.decimal}` is the decimal mark"]
+    )
+    units = ["s" if layout.kinds[k] == TIMES else unit for k, unit in enumerate(titles.units)]
+    for k in kept:
+        bare = units[k] is None and titles.names[k] != "t" and TIME_NAMES.fullmatch(titles.names[k])
+        if bare and known is not None and known.in_seconds:
+            units[k] = "s"
+            said.append(f"`{titles.names[k]}` in s, as {known.maker} writes it")
+    return Sheet(
+        file.name,
+        notes.entries,
+        tuple(titles.names[k] for k in kept),
+        tuple(units[k] for k in kept),
+        tuple(columns[k] for k in kept),
+        notes.comments,
+        "" if titles.line is None else f"row {titles.line}",
+        row_of,
+        places=tuple(k + 1 for k in kept),
+        passed=_passed(layout, titles),
+        lines=(*([] if known is None else [f"a file of {known.maker}"]), *notes.passed),
+        taken=tuple(said),
+        even=(None if known is None else known.even) or notes.even,
+    )
 
 
 def encode(sheet: Sheet, mark: str = ",") -> bytes:
-    """Columns as text: all digits of the first, twelve of the others."""
-    lines = [f"# {item.key}: {item.value}" for item in sheet.entries]
-    lines.append(mark.join(title(name, unit) for name, unit in zip(sheet.names, sheet.units, strict=True)))
+    """Columns as text: all digits of the first, twelve of the others.
+
+    Raises:
+        BadName: A name that would be read as a name with its unit.
+    """
+    for name in sheet.names:
+        if parted(name) != (name, None):
+            raise BadName(
+                f"trace, channel {name!r}",
+                found="a name that reads as a name with its unit",
+                expected="a name without one",
+                remedy="Rename the channel, or write JSON.",
+            )
+    made = [f"# {item.key}: {item.value}" for item in sheet.entries]
+    made.append(mark.join(title(name, unit) for name, unit in zip(sheet.names, sheet.units, strict=True)))
     row = mark.join(["%r", *["%.12g"] * (len(sheet.columns) - 1)]) + "\n"
     table = np.stack(sheet.columns, axis=1)
-    made = ["\n".join(lines) + "\n"]
+    text = ["\n".join(made) + "\n"]
     for start in range(0, len(table), STRETCH):  # a large table never stands here as Python's own numbers
-        made.append("".join(row % tuple(numbers) for numbers in table[start : start + STRETCH].tolist()))
-    return "".join(made).encode()
+        text.append("".join(row % tuple(numbers) for numbers in table[start : start + STRETCH].tolist()))
+    return "".join(text).encode()
 
 
-def _lines(file: NamedBytes, skip: int = 0) -> Iterator[str]:
-    """The lines of a file below the first few, whatever their ends."""
-    with streams.TextIOWrapper(streams.BytesIO(file.content), encoding="utf-8-sig", newline=None) as lines:
-        yield from islice(lines, skip, None)
+def _no_rows(file: NamedBytes) -> BadFile:
+    """Why a text holds no table."""
+    filled = [(n, line) for n, line in enumerate(read_text(file).split("\n"), 1) if line.strip()]
+    plain = [number for number, line in filled if not is_comment(line)]
+    if not plain:
+        remedy = "Add a row such as `t,V`, and the numbers below it."
+        return BadFile(file.name, found="comments only", expected="a row of column names", remedy=remedy)
+    return BadFile(
+        file.name,
+        found=f"no rows below the column row {plain[0]}",
+        expected="rows of numbers",
+        remedy="Check how the file was written.",
+    )
 
 
-def _separator(place: str, line: str) -> str:
-    """What stands between the names; units in brackets do not count."""
-    bare = _BRACKETS.sub("", line.rstrip("\n"))
-    marks = [mark for mark in SEPARATORS if mark in bare]
-    if len(marks) > 1:
+def _passed(layout: Layout, titles: Titles) -> tuple[str, ...]:
+    """Columns that hold words, or nothing under a name."""
+    names = [f"`{titles.names[k]}`" if titles.names[k] else f"{k + 1}" for k in range(len(layout.kinds))]
+    words = [f"column {names[k]} of words" for k, kind in enumerate(layout.kinds) if kind == WORDS]
+    return (
+        *words,
+        *(f"column {names[k]}, empty" for k, kind in enumerate(layout.kinds) if kind == EMPTY and titles.names[k]),
+    )
+
+
+def _columns(file: NamedBytes, layout: Layout, titles: Titles, choices: Reading):
+    """The columns of numbers by their places from zero, where each row stands, and how numbers are written."""
+    first, last = layout.start, choices.rows[1]
+    if all(kind == NUMBERS for kind in layout.kinds):
+        table, marks = _plain(file, layout, first, last)
+        if table is not None and np.all(np.isfinite(table)):
+            row_of = lambda sample: f"row {_nth_row(file, first, sample)}"  # noqa: E731
+            return dict(enumerate(table.T)), row_of, marks
+    marks = marks_of(_telling(file, layout))
+    walk = Walk(file.name, layout, titles, marks, choices.missing == "drop")
+    rows = [number for number, line in _rows(file, first, last) if walk.take(number, line)]
+    if not rows:
         raise BadFile(
-            place,
-            found=" and ".join(SEPARATORS[mark] for mark in marks) + " between the names",
-            expected="one separator",
-            remedy="Separate all columns alike.",
+            f"{file}, row {first}",
+            found="no complete row from here on",
+            expected="rows of numbers",
+            remedy="Check `--rows` and which columns are read.",
         )
-    return marks[0] if marks else ","
+    return walk.columns(), lambda sample: f"row {rows[sample]}", marks
 
 
-def _numbers(file: NamedBytes, row: int, names: Sequence[str], mark: str) -> Float[np.ndarray, "rows columns"]:
-    """The numbers below the row of names, all of them finite."""
-    values, trouble = _parsed(_filled(file, row), mark)
-    if values is None and mark != ",":
-        values, _ = _parsed(map(_pointed, _filled(file, row)), mark)
-    if values is None or values.shape != (len(values), len(names)) or not np.all(np.isfinite(values)):
-        _refuse(file, row, names, mark)
-        raise BadFile(file.name, found=trouble, expected="rows of numbers", remedy="Write the file as plain CSV.")
-    return values
+def _rows(file: NamedBytes, first: int, last: int | None) -> Iterator[tuple[int, str]]:
+    """Number and text of the lines from the first row to the last that are not blank."""
+    stop = None if last is None else max(last - first + 1, 0)
+    return ((n, line) for n, line in enumerate(islice(lines(file, first - 1), stop), first) if not line.isspace())
 
 
-def _filled(file: NamedBytes, row: int) -> Iterator[str]:
-    return (line for line in _lines(file, row) if not line.isspace())
+def _plain(file: NamedBytes, layout: Layout, first: int, last: int | None):
+    """All numbers at once, by NumPy; None where it cannot."""
+    mark = None if layout.mark == BLANKS else layout.mark
+    for decimal in (".",) if mark == "," else (".", ","):
+        found = (line for _, line in _rows(file, first, last))
+        found = map(_pointed, found) if decimal == "," else found
+        try:
+            begin = next(found)
+            table = np.loadtxt(
+                chain([begin], found), delimiter=mark, comments=None, ndmin=2, dtype=float, quotechar='"'
+            )
+        except (ValueError, StopIteration):
+            continue
+        if table.shape[1] == len(layout.kinds):
+            return table, Marks(decimal)
+    return None, Marks()
 
 
 def _pointed(line: str) -> str:
@@ -130,102 +180,18 @@ def _pointed(line: str) -> str:
     return line.replace(",", ".")
 
 
-def _parsed(lines: Iterator[str], mark: str) -> tuple[Float[np.ndarray, "rows columns"] | None, str]:
-    """The numbers of lines that are not blank, or why there are none."""
-    try:
-        first = next(lines, None)
-        if first is None:
-            return None, "no rows"
-        return np.loadtxt(_with_first(first, lines), delimiter=mark, comments=None, ndmin=2, dtype=float), ""
-    except ValueError as error:
-        return None, str(error)
+def _telling(file: NamedBytes, layout: Layout) -> Iterator[str]:
+    """Cells that may show how numbers are written: those that hold both marks first."""
+    here = [k for k, kind in enumerate(layout.kinds) if kind == NUMBERS]
+    cells = lambda line: (cell for k, cell in enumerate(split(line, layout.mark)) if k in here)  # noqa: E731
+    commas = layout.mark == ","  # then a number holds one only within quotes
+    for _, line in _rows(file, layout.start, None):
+        if (not commas or '"' in line) and EVIDENCE.search(line):
+            yield from (cell for cell in cells(line) if EVIDENCE.search(cell))
+    for _, line in islice(_rows(file, layout.start, None), STRETCH):
+        yield from cells(line)
 
 
-def _with_first(first: str, lines: Iterator[str]) -> Iterator[str]:
-    yield first
-    yield from lines
-
-
-def _is_sound(lines: Sequence[str], columns: int, mark: str, comma: bool) -> bool:
-    """Whether a stretch of lines holds nothing to refuse."""
-    filled = [line for line in lines if line.strip()]
-    if not filled:
-        return True
-    values, _ = _parsed(map(_pointed, filled) if comma else iter(filled), mark)
-    return values is not None and values.shape[1] == columns and bool(np.all(np.isfinite(values)))
-
-
-def _refuse(file: NamedBytes, row: int, names: Sequence[str], mark: str) -> None:
-    """Find the first line or cell that is wrong, and raise for it."""
-    lines = read_text(file).split("\n")[row:]
-    first = next((line for line in lines if line.strip()), None)
-    if first is None:
-        raise BadFile(
-            file.name,
-            found=f"no rows below the column row {row}",
-            expected="rows of numbers",
-            remedy="Check how the file was written.",
-        )
-    mixed = mark != "," and _first_marks(lines)
-    starts = range(0, len(lines), STRETCH)
-    sound = lambda at: _is_sound(lines[at : at + STRETCH], len(names), mark, mixed == ",")  # noqa: E731
-    start = next((at for at in starts if not sound(at)), 0)
-    for number, line in enumerate(lines[start:], row + 1 + start):
-        if line.strip():
-            _check_line(f"{file}, row {number}", line, names, mark, str(mixed or "."))
-
-
-def _first_marks(lines: Sequence[str]) -> str:
-    """The decimal mark that the first number with one has."""
-    found = next((found for found in map(re.compile("[.,]").search, lines) if found is not None), None)
-    return "." if found is None else found[0]
-
-
-def _check_line(place: str, line: str, names: Sequence[str], mark: str, decimal: str) -> None:
-    if line.lstrip().startswith("#"):
-        raise BadFile(
-            place,
-            found="a `#` line among the numbers",
-            expected="header lines above the column row",
-            remedy="Move or remove it.",
-        )
-    cells = [cell.strip() for cell in line.split(mark)]
-    if len(cells) != len(names):
-        others = [other for other in SEPARATORS if other != mark and other in line]
-        remedy = "Check for a missing cell, a comma at the end, or commas used as decimal points."
-        if others and mark not in line:
-            remedy = f"The names are separated by {SEPARATORS[mark]}: separate the numbers alike."
-        raise BadFile(place, found=f"{len(cells)} cells", expected=f"{len(names)}, one per column", remedy=remedy)
-    for name, cell in zip(names, cells, strict=True):
-        where = f"{place}, column `{name}`"
-        other = "." if decimal == "," else ","
-        if NOT_FINITE.fullmatch(cell):
-            raise BadValue(where, found=cell, expected="a finite number", remedy="Remove the row or the column.")
-        if mark != "," and other in cell:
-            raise BadFile(
-                where,
-                found=f"{short(cell)}, while the numbers above have `{decimal}` for a decimal mark",
-                expected=f"a number such as 4{decimal}18",
-                remedy="Use one decimal mark in the whole file, and none for thousands.",
-            )
-        pointed = cell.replace(",", ".") if mark != "," else cell
-        if not NUMBER.fullmatch(pointed):
-            raise BadFile(
-                where,
-                found=f"{short(cell)}" if cell else "an empty cell",
-                expected="a number such as 4.18 or 4.18e-3",
-                remedy="Correct the cell, or remove the row or the column.",
-            )
-        if not np.isfinite(float(pointed)):
-            raise BadValue(
-                where,
-                found=f"{short(cell)}, which overflows",
-                expected="a finite number",
-                remedy="Remove the row or the column.",
-            )
-
-
-def _nth_filled(file: NamedBytes, row: int, count: int) -> int:
-    """Line number of the `count`-th line below the names that is not blank, both from zero."""
-    filled = (number for number, line in enumerate(_lines(file, row), row + 1) if not line.isspace())
-    return next(islice(filled, count, None))
+def _nth_row(file: NamedBytes, first: int, count: int) -> int:
+    """Line of the `count`-th row, from zero."""
+    return next(islice(_rows(file, first, None), count, None))[0]

@@ -1,4 +1,8 @@
-"""Units at the door: the registry's own, and uncommon but legal ones through pint."""
+"""Units at the door: the registry's own, and uncommon but legal ones through pint.
+
+A unit of another kind, such as volts, is a unit, too: its column keeps its own
+numbers, is a channel of any analysis, and stands for no quantity of the shell.
+"""
 
 import functools
 import re
@@ -10,10 +14,41 @@ from jshell.quantities import QUANTITIES, SI_UNIT, UNITS
 
 SIGMA = "sigma_"
 PURE = "-"  # the unit of a number among columns with units
+OWN = "another kind"  # the dimension of a unit that no quantity of the shell has
 _UNITS = {**UNITS, PURE: ("none", 1.0)}
 _SPELLING = str.maketrans({"μ": "µ", "²": "^2", "³": "^3"})  # Greek mu for micro; superscripts
+_POWER = re.compile(r"([A-Za-zµ])([23])$")  # mm3
+# How instruments spell the registry's units.
+_WORDS = {
+    "sec": "s",
+    "secs": "s",
+    "second": "s",
+    "seconds": "s",
+    "msec": "ms",
+    "millisecond": "ms",
+    "milliseconds": "ms",
+}
+_WORDS |= {"usec": "us", "µsec": "us", "microsecond": "us", "microseconds": "us", "nsec": "ns", "nanoseconds": "ns"}
+_WORDS |= {
+    "meter": "m",
+    "meters": "m",
+    "metre": "m",
+    "metres": "m",
+    "ml": "mL",
+    "pascal": "Pa",
+    "none": PURE,
+    "1": PURE,
+}
+LOGARITHMS = ("dB", "dBm", "dBV", "dBmV", "dBu", "dBFS")
+# Units of instruments that no quantity here has; pint knows more of them.
+_MORE = (
+    "V mV uV µV kV A mA uA µA W mW Hz kHz MHz N mN g kg K deg C °C degC % ° rad px pixel pixels count counts ADC LSB "
+    "bit bits a.u. au arb arb. volt volts ampere amperes amps m/s^2 V/div frame frames"
+)
+_OTHERS = frozenset(_MORE.split()) | {*LOGARITHMS}
 _LEGAL = re.compile(r"[^\W\d][\w µ°.*/^()\-]{0,39}")
 _LARGE_POWER = re.compile(r"(\^|\*\*)\s*[-(]*\s*\d{2}")  # m^99999 would keep pint busy for good
+_LOWER = frozenset(unit for unit in _OTHERS if len(unit) > 3 and unit == unit.lower())  # words in capitals
 # An angle is no dimension to pint, so that Hz and rad/s would be one: frequencies stay without unit.
 _DIMENSIONS = {
     "[time]": "time",
@@ -54,8 +89,7 @@ def known_unit(place: str, name: str, written: str) -> tuple[str, float]:
     Raises:
         BadUnits: A unit that neither the registry nor pint knows, or of another dimension.
     """
-    unit = written.strip().translate(_SPELLING)
-    found = _UNITS.get(unit) or _uncommon(unit)
+    found = _meaning(written)
     if found is None:
         raise BadUnits(
             place,
@@ -65,6 +99,14 @@ def known_unit(place: str, name: str, written: str) -> tuple[str, float]:
         )
     dimension, factor = found
     bare = name.removeprefix(SIGMA)
+    if bare in QUANTITIES and dimension == OWN:
+        raise BadUnits(
+            place,
+            found=f"the unit {written[:40]!r} on the {QUANTITIES[bare].words}",
+            expected=f"a unit of {QUANTITIES[bare].dimension}",
+            remedy=f"If it is something else, call it so: `--columns signal={bare}`; "
+            f"if it has no unit, say so: `--units {bare}={PURE}`.",
+        )
     if bare in QUANTITIES and QUANTITIES[bare].dimension != dimension:
         wanted = QUANTITIES[bare].dimension
         fitting = [known for known, (kind, _) in _UNITS.items() if kind == wanted]
@@ -72,9 +114,38 @@ def known_unit(place: str, name: str, written: str) -> tuple[str, float]:
             place,
             found=f"the unit {written}, of {dimension}",
             expected=f"a unit of {wanted}: {', '.join(fitting) or 'none is known, leave all units out'}",
-            remedy="Correct the unit, or rename the column.",
+            remedy=f"Correct the unit, say `--units {bare}={(fitting or [PURE])[0]}`, or rename the column.",
         )
     return dimension, factor
+
+
+def is_unit(text: str) -> bool:
+    """Whether a text is a unit that is known, in any spelling."""
+    return bool(text.strip()) and _meaning(text) is not None
+
+
+def known_factor(unit: str) -> tuple[str, float] | None:
+    """Dimension and SI factor of a unit, None where it is unknown."""
+    return _meaning(unit)
+
+
+def is_common(text: str) -> bool:
+    """Whether a text is a unit as instruments write them, without brackets: `t` and `S` are names."""
+    return _known(text) is not None
+
+
+def _meaning(written: str) -> tuple[str, float] | None:
+    """Dimension and SI factor of a unit; the dimension is `OWN` where no quantity has it."""
+    return _known(written) or _uncommon(written.strip().translate(_SPELLING))
+
+
+def _known(written: str) -> tuple[str, float] | None:
+    unit = written.strip().translate(_SPELLING)
+    unit = _WORDS.get(unit.lower(), unit)
+    for spelled in (unit, _POWER.sub(r"\1^\2", unit)):
+        if spelled in _UNITS:
+            return _UNITS[spelled]
+    return (OWN, 1.0) if unit in _OTHERS or unit.lower() in _LOWER else None
 
 
 @functools.lru_cache(maxsize=64)
@@ -87,11 +158,15 @@ def _uncommon(unit: str) -> tuple[str, float] | None:
         return None
     try:
         parsed = registry.parse_units(unit)
+        if parsed.dimensionless:
+            return None
         dimension = _DIMENSIONS.get(str(parsed.dimensionality))
+        if dimension is None:
+            return OWN, 1.0
         zero, one = (float(registry.Quantity(number, parsed).to_base_units().magnitude) for number in (0.0, 1.0))
     except SPOILED:  # pint's own errors are among them, and it lets Python's through
         return None
-    return None if dimension is None or zero != 0 or not one > 0 else (dimension, one)
+    return None if zero != 0 or not one > 0 else (dimension, one)
 
 
 @functools.lru_cache(maxsize=1)

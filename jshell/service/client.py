@@ -251,12 +251,13 @@ class Client:
         asked = sending.numbers(conditions)
         return self._job(self._send("POST", "/modes", json=asked | sending.plain(options)).json()).result(seconds)
 
-    def upload(self, trace: Data, conditions: Mapping[str, float] | None = None) -> str:
+    def upload(self, trace: Data, conditions: Mapping[str, float] | None = None, **said: Any) -> str:
         """Hand a trace in; the same bytes are kept once.
 
         Args:
             trace: A file as it is, or a trace.
             conditions: For a file without: keys of a header to numbers.
+            **said: What the file leaves open, as of `jshell.io.read_trace`: `columns`, `units`, `rate`, …
 
         Returns:
             Its identifier.
@@ -266,6 +267,7 @@ class Client:
         else:
             name, content = sending.content(trace)
         data = {} if conditions is None else {"conditions": json.dumps(dict(conditions))}
+        data |= {"reading": sending.reading(said)} if said else {}
         return self._send("POST", "/traces", files={"file": (name, content)}, data=data).json()["id"]
 
     def job(self, id: str, kind: str = "fit") -> Job:

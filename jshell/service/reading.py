@@ -12,9 +12,10 @@ from jshell import io
 from jshell.calibration.data import usual_channels
 from jshell.errors import JshellError
 from jshell.files import NamedBytes
-from jshell.io.formats import FORMATS, read_sheet
+from jshell.io.choices import Reading
+from jshell.io.formats import FORMATS, READ_ONLY, read_sheet
 from jshell.io.headers import CONDITION_KEYS
-from jshell.io.tables import trace_of_sheet
+from jshell.io.tables import Understood, understood
 from jshell.io.units import PURE
 from jshell.service.store import Store
 from jshell.shell.parameters import Reduced
@@ -58,10 +59,38 @@ def inspect(name: str, content: bytes) -> TraceContent:
     """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        sheet = read_sheet(NamedBytes(name, content), ("t",))
-        trace = trace_of_sheet(sheet)
-    units = {one: unit or PURE for one, unit in zip(sheet.names, sheet.units, strict=True)}
-    return TraceContent(trace, units, tuple(dict.fromkeys(str(one.message) for one in caught)))
+        found = _understood(NamedBytes(name, content))
+    units = {one: unit or PURE for one, unit in zip(found.sheet.names, found.sheet.units, strict=True)}
+    said = [f"{name}: {one}" for one in found.taken]
+    return TraceContent(found.trace, units, tuple(dict.fromkeys([*said, *(str(one.message) for one in caught)])))
+
+
+def _understood(file: NamedBytes, meta: NamedBytes | None = None, reading: Reading | None = None) -> Understood:
+    reading = reading or Reading()
+    return understood(read_sheet(file, reading, ("t",)), meta, reading)
+
+
+def settled(name: str, content: bytes, reading: Reading) -> tuple[str, bytes]:
+    """A file read as its owner says, as one that says all of it by itself.
+
+    Args:
+        name: Of the file.
+        content: Its bytes.
+        reading: What the file leaves open.
+
+    Raises:
+        JshellError: As `jshell.io.read_trace`.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        trace = _understood(NamedBytes(name, content), reading=reading).trace
+    return _rewritten(name, trace)
+
+
+def _rewritten(name: str, trace: Trace) -> tuple[str, bytes]:
+    units = "si" if trace.scales is not None and trace.conditions is not None else "reduced"
+    again = io.encode_trace(f"{PurePath(name).stem}.json", trace, units)
+    return again.name, bytes(again.content)
 
 
 def check_one_readable(files: Sequence[tuple[str, bytes]]) -> None:
@@ -115,16 +144,13 @@ def with_conditions(name: str, content: bytes, given: Mapping[str, float]) -> tu
     file = NamedBytes(name, content)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        sheet = read_sheet(file, ("t",))
-        trace = trace_of_sheet(sheet, NamedBytes("conditions", json.dumps(dict(given)).encode()))
-    if {line.key for line in sheet.entries} & set(CONDITION_KEYS):  # the file has its own, and they agree
+        found = _understood(file, NamedBytes("conditions", json.dumps(dict(given)).encode()))
+    if {line.key for line in found.sheet.entries} & set(CONDITION_KEYS):  # the file has its own, and they agree
         return name, content
-    if file.suffix in TEXT or file.suffix not in FORMATS:
+    if file.suffix in TEXT or file.suffix not in FORMATS | READ_ONLY:
         head = "".join(f"# {key}: {value!r}\n" for key, value in given.items())
         return name, head.encode() + content.removeprefix(b"\xef\xbb\xbf")
-    units = "si" if trace.scales is not None else "reduced"
-    again = io.encode_trace(f"{PurePath(name).stem}.json", trace, units)
-    return again.name, bytes(again.content)
+    return _rewritten(name, found.trace)
 
 
 def conditions_of(problem: Reduced | None) -> dict[str, float] | None:

@@ -8,6 +8,7 @@ import math
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, StringConstraints, create_model
+from typing_extensions import TypedDict  # pydantic needs this one below Python 3.12
 
 from jshell.calibration.options import CONDITIONS, CONSTANTS, OPTIONS, choices_of, default_of, words_of
 from jshell.shell.presets import R
@@ -161,6 +162,17 @@ class ModesRequest(Conditions):
     count: Whole = Field(4, ge=1, le=6, description="How many, slowest first.")
     elements: Whole = Field(32, ge=12, le=64, description="Elements of the meridian.")
     attached: float = Field(0.0, strict=True, ge=0, lt=1.5, description="Half-angle of the pad that holds it; 0: free.")
+
+
+class ReadingFields(TypedDict, total=False):
+    """What a file leaves open, as of `jshell.io.Reading`."""
+
+    columns: dict[str, str | int] | str | None
+    units: dict[str, str] | str | None
+    rate: float | None
+    time_from: str | int | None
+    rows: tuple[int | None, int | None] | str | None
+    missing: Literal["refuse", "drop"]
 
 
 class TraceOut(BaseModel):

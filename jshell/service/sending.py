@@ -1,5 +1,7 @@
 """What a client sends: options as JSON, traces as files, a batch as what can be taken apart."""
 
+import dataclasses
+import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -62,6 +64,18 @@ def written(trace: Trace) -> NamedBytes:
     """A trace as a file."""
     units = "si" if trace.scales is not None and trace.conditions is not None else "reduced"
     return io.encode_trace("trace.json", trace, units)
+
+
+def reading(said: Mapping[str, Any]) -> str:
+    """What a file leaves open, as JSON; refused here where it is wrong.
+
+    Raises:
+        BadName, BadValue: As `jshell.io.Reading`.
+    """
+    given = io.Reading.from_record(said)
+    record = dataclasses.asdict(given)
+    usual = dataclasses.asdict(io.Reading())
+    return json.dumps({name: value for name, value in record.items() if value != usual[name]})
 
 
 def content(path: str | Path) -> tuple[str, bytes]:

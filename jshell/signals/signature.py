@@ -108,6 +108,11 @@ class Signature:
     def f_plus_Hz(self) -> float | None:
         return _product(self.omega_plus, self.frequency_unit)
 
+    @property
+    def tau_s(self) -> float | None:
+        """The decay time [s], where the record's SI scales are known."""
+        return None if self.tau is None or self.frequency_unit is None else self.tau / (2 * np.pi * self.frequency_unit)
+
     def record(self) -> dict:
         """The signature as a JSON object."""
         found = {
@@ -131,7 +136,7 @@ class Signature:
             "reason": self.reason,
         }
         if self.frequency_unit is not None:
-            found |= {"f_minus_Hz": self.f_minus_Hz, "f_plus_Hz": self.f_plus_Hz}
+            found |= {"f_minus_Hz": self.f_minus_Hz, "f_plus_Hz": self.f_plus_Hz, "tau_s": self.tau_s}
         return found
 
 

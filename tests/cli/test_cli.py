@@ -161,7 +161,7 @@ def test_fit_of_a_trace_draws_a_picture(monkeypatch, tmp_path):
 REFUSED = {
     "NaN": (CONDITIONS + "t,V,S\n0,2.9,12\n1,nan,12\n2,2.9,12\n", "row 7, column `V`"),
     "empty": ("", "bad.csv"),
-    "no time": (CONDITIONS + "time,V,S\n0,2.9,12\n1,2.9,12\n", "row 5"),
+    "no time": (CONDITIONS + "x,V,S\n0,2.9,12\n1,2.9,12\n", "row 5"),
     "one row": (CONDITIONS + "t,V,S\n0,2.9,12\n", "bad.csv"),
     "too large": (CONDITIONS + "t,V,S\n0,5.9,15.9\n1,5.9,15.9\n", "column `V`"),
     "unknown unit": (CONDITIONS + "t [s],V [furlong],S [m^2]\n0,2.9,12\n1,2.9,12\n", "bad.csv, row 5"),

@@ -57,8 +57,8 @@ def test_an_uncommon_but_legal_unit_is_read_as_its_definition_says(tmp_path, uni
     ("column", "match"),
     [
         ("V [psi]", "found the unit psi, of pressure; expected a unit of volume"),
-        ("mine [kg]", "the unit 'kg'"),
-        ("mine [degC]", "the unit 'degC'"),
+        ("mine [hour glass]", "the unit 'hour glass'"),
+        ("V [kg]", "the unit 'kg' on the volume; .*--columns signal=V"),
         ("mine [2 mm]", "the unit '2 mm'"),
         ("mine [m^99999999]", "the unit 'm"),
         ("mine [m^(99999999)]", "the unit 'm"),

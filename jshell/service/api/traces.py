@@ -9,16 +9,26 @@ from fastapi.responses import JSONResponse
 from pydantic import TypeAdapter, ValidationError
 
 from jshell.errors import BadValue, JshellError
+from jshell.io import Reading
 from jshell.service.api.answers import ONCE, Before, Limit, Name, binary, problem_responses
 from jshell.service.problems import brief, problem
-from jshell.service.reading import UPLOAD_SLOTS, TraceContent, conditions_of, inspect, inspected, with_conditions
+from jshell.service.reading import (
+    UPLOAD_SLOTS,
+    TraceContent,
+    conditions_of,
+    inspect,
+    inspected,
+    settled,
+    with_conditions,
+)
 from jshell.service.safety import attachment, clean_name
-from jshell.service.schemas import TraceOut, TracePage, TraceRead
+from jshell.service.schemas import ReadingFields, TraceOut, TracePage, TraceRead
 from jshell.service.state import Here
 from jshell.service.uploads import TraceRow
 
 router = APIRouter(prefix="/traces", tags=["traces"])
 _numbers = TypeAdapter(dict[str, float])
+_fields = TypeAdapter(ReadingFields)
 
 
 @router.post(
@@ -36,10 +46,19 @@ def upload(
     conditions: Annotated[
         str | None, Form(description='Conditions of a file without them, as JSON: {"d_hat": 0.22, …} or {"R0_m": …}.')
     ] = None,
+    reading: Annotated[
+        str | None,
+        Form(
+            description='What the file leaves open, as JSON: {"columns": {"t": "Time (s)", "H": "3"}, '
+            '"units": {"H": "mm"}, "rate": 1000, "time_from": "frame", "rows": "12:400", "missing": "drop"}.'
+        ),
+    ] = None,
 ) -> Response:
     """Read and keep a trace; the same bytes are kept once."""
     with UPLOAD_SLOTS:
         name, content = clean_name(file.filename), file.file.read()
+        if reading:
+            name, content = settled(name, content, choices(reading))
         if conditions:
             name, content = with_conditions(name, content, numbers(conditions))
         found = inspect(name, content)
@@ -96,6 +115,21 @@ def numbers(text: str) -> dict[str, float]:
             remedy="Write names and numbers.",
         ) from None  # fmt: skip
     return found
+
+
+def choices(text: str) -> Reading:
+    """What a file leaves open, given as JSON.
+
+    Raises:
+        BadName, BadValue: Not an object of its fields.
+    """
+    try:
+        return Reading.from_record(_fields.validate_python(json.loads(text)))
+    except (RecursionError, ValidationError, json.JSONDecodeError, TypeError) as error:
+        raise BadValue(
+            "reading", found=f"{brief(text)} ({brief(str(error))})", expected='{"columns": {"t": "Time"}, …}',
+            remedy="Write the fields of `jshell.io.Reading`.",
+        ) from None  # fmt: skip
 
 
 def row_out(row: TraceRow) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from starlette.concurrency import run_in_threadpool
 
 from jshell import io
 from jshell.calibration.data import usual_channels
-from jshell.errors import BadFile, BadUnits, BadValue, JshellError
+from jshell.errors import BadFile, BadValue, JshellError
 from jshell.io.headers import REDUCED_KEYS, SHARED_KEYS, SI_KEYS
 from jshell.quantities import QUANTITIES
 from jshell.service.jobs import fit_specification, packed
@@ -19,7 +19,7 @@ from jshell.service.preview import Preview, preview
 from jshell.service.reading import UPLOAD_SLOTS, TraceContent, conditions_of, inspect, inspected, with_conditions
 from jshell.service.safety import clean_name
 from jshell.service.state import Here, Service
-from jshell.service.web import drawing, series
+from jshell.service.web import drawing, series, settle
 from jshell.service.web.forms import CONDITIONS, MODAL, STRICT, SYMBOLS, FitForm, choice, read, selects
 from jshell.service.web.templates import shown
 
@@ -79,13 +79,12 @@ def _kept(request: Request, here: Service, given: Sequence[tuple[str, bytes]]) -
             return RedirectResponse(f"/batches/{here.store.submit('batch', {}, [row.id]).job.id}", 303)
         ids, lacking = [], []
         for name, content in given:
-            try:
-                if inspect(name, content).trace.conditions is None:
-                    lacking.append(name)
-            except BadUnits:
-                lacking.append(name)  # units without conditions; what else is wrong the next page says
+            if inspect(name, content).trace.conditions is None:
+                lacking.append(name)
             ids.append(here.store.add_trace(name, content).id)
     except JshellError as error:
+        if len(given) == 1 and settle.columns(*given[0]):  # it holds a table: its owner may say what it leaves open
+            return settle.page(request, here, here.store.add_trace(*given[0]).id, {}, error)
         return shown(request, "upload.html", {"error": error, "limit": here.settings.upload}, 422)
     chosen = "&".join(f"trace={one}" for one in ids)
     return RedirectResponse(f"/traces/conditions?{chosen}" if lacking else f"/fits/new?{chosen}", 303)

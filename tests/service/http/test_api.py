@@ -56,9 +56,9 @@ def test_an_upload_tells_channels_units_and_conditions(http, recording):
         (b"t,V\n0,3.0\n", "bad_file", "single row"),
         (GOOD.replace(b"2.9", b"nan"), "bad_value", "row 7, column `V`"),
         (GOOD.replace(b"t,V", b"t [furlong],V [mm^3]"), "bad_units", "furlong"),
-        (BARE.replace(b"t,V", b"t [s],V [mm^3]"), "bad_units", "SI conditions"),
+        (BARE.replace(b"t,V", b"t,V [mm^3]"), "bad_units", "no unit"),
         (GOOD.replace(b"0.22", b"-1"), "bad_value", "d_hat"),
-        (GOOD.replace(b"t,V", b"time,V"), "bad_name", "`t`"),
+        (GOOD.replace(b"t,V", b"x,V"), "bad_name", "`t`"),
         (GOOD.replace(b"3.0", b"three"), "bad_file", "three"),
         (b"\x89HDF\r\n\x1a\n" + bytes(200), "bad_file", ""),
         (b"# " + b"x" * 300_000 + b"\n" + BARE, "bad_file", "200000"),
@@ -80,6 +80,38 @@ def test_a_file_without_conditions_takes_them_from_the_request(http):
     refused(uploaded(http, BARE, conditions='{"d_hat": 0.1}'), 422, "bad_file")
     refused(uploaded(http, GOOD, conditions='{"d_hat": 0.1, "P0_hat": 1, "Pext_hat": 1.3}'), 422, "bad_value")
     refused(uploaded(http, BARE, conditions='{"d_hat": NaN}'), 422, "bad_value")
+
+
+TRACKED = b"frame,Height,note\n" + b"".join(b"%d,%d,ok\n" % (k, 30 + k) for k in range(20))
+
+
+def test_what_a_file_leaves_open_is_said_with_it(http):
+    refused(uploaded(http, TRACKED), 422, "bad_name")
+    said = '{"rate": 1000, "columns": {"H": "Height"}, "units": {"H": "mm"}}'
+    found = uploaded(http, TRACKED, reading=said).json()
+    assert (found["channels"], found["samples"], found["units"]) == (["H"], 20, {"t": "s", "H": "m"})
+    assert found["duration"] == pytest.approx(0.019)
+    assert uploaded(http, TRACKED, reading=said).json()["id"] == found["id"]
+    for wrong, code in (
+        ('{"rate": -1}', "bad_value"),
+        ('{"rat": 1}', "bad_name"),
+        ("[", "bad_value"),
+        ("[1]", "bad_value"),
+    ):
+        refused(uploaded(http, TRACKED, reading=wrong), 422, code)
+
+
+def test_the_page_asks_for_what_a_file_leaves_open(http):
+    asked = http.post("/traces", files={"file": ("film.csv", TRACKED)})
+    assert asked.status_code == 422
+    for words in ("What film.csv leaves open", "Height", "30, 31, 32", "--rate 1000"):
+        assert words in asked.text
+    trace = asked.text.partition('name="trace" value="')[2].partition('"')[0]
+    fields = {"trace": trace, "role.2": "H", "unit.2": "mm", "rate": "fast"}
+    assert http.post("/traces/settle", data=fields).status_code == 422
+    done = http.post("/traces/settle", data=fields | {"rate": "1000"}, follow_redirects=False)
+    assert done.status_code == 303
+    assert done.headers["location"].startswith("/traces/conditions?trace=")
 
 
 @pytest.mark.parametrize(

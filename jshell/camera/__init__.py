@@ -1,0 +1,7 @@
+"""From a film of a shell to its height and width in time: frames, outline, convex hull, each with its error."""
+
+from jshell.camera.distortion import Lens, lens_from_grid
+from jshell.camera.film import Filmed, View, measure
+from jshell.camera.frames import open_film
+
+__all__ = ["Filmed", "Lens", "View", "lens_from_grid", "measure", "open_film"]

@@ -1,0 +1,103 @@
+"""`jshell film`: height and width of a shell from a film of it, and on to its frequencies in one command."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+import jshell
+from jshell.cli.destinations import drawable, traceable
+from jshell.cli.output import Json, finish, log, say, speaking
+from jshell.cli.traces import signature_table, told
+from jshell.errors import BadValue
+
+SHOWN = 6  # frames of the strip
+
+
+@speaking
+def film(
+    path: Annotated[Path, typer.Argument(help="TIFF stack, or a folder of PNG or TIFF pictures.")],
+    rate: Annotated[float, typer.Option(help="Frames per second.")],
+    pixel: Annotated[float | None, typer.Option(help="Size of a pixel at the shell [m]; without it, pixels.")] = None,
+    bright: Annotated[bool, typer.Option("--bright", help="The shell is brighter than what surrounds it.")] = False,
+    axis: Annotated[str, typer.Option(help="Direction of the axis in degrees, 90 is upright; or `find`.")] = "90",
+    holder: Annotated[str | None, typer.Option(help="TOP:BOTTOM:LEFT:RIGHT pixels of the holder, left out.")] = None,
+    grid: Annotated[Path | None, typer.Option(help="Picture of a grid of dots through the same window.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="Trace to write.")] = None,
+    overlay: Annotated[Path | None, typer.Option(help="Strip of frames with their outlines to draw.")] = None,
+    analyse: Annotated[bool, typer.Option("--analyse", help="Go on to frequencies and decay time.")] = False,
+    start: Annotated[float | None, typer.Option("--from", help="Window's start [s].")] = None,
+    stop: Annotated[float | None, typer.Option("--to", help="Window's end [s].")] = None,
+    as_json: Json = False,
+) -> None:
+    """Measure a film of a shell: height and width in time, with errors; with --analyse, its frequencies."""
+    traceable(out)
+    drawable(overlay, "--overlay")
+    camera = jshell.camera
+    lens = None if grid is None else camera.lens_from_grid(grid)
+    view = camera.View(rate, pixel, not bright, _angle(axis), _box(holder), lens)
+    with told(shown=not as_json) as progress:
+        found = camera.measure(path, view, progress)
+    for text in found.warnings:
+        log(f"warning: {text}")
+    if out is not None:
+        jshell.io.write_trace(out, found.trace)
+        log(f"wrote {out}")
+    if overlay is not None:
+        _strip(path, found, overlay)
+        log(f"wrote {overlay}")
+    record: dict[str, Any] = {"frames": len(found.outlines), "axis": found.axis, "warnings": list(found.warnings)}
+    record |= {"lens": None if lens is None else {"k1": lens.k1, "k2": lens.k2, "rms": lens.rms}}
+    for name, values in found.trace.channels.items():
+        record[name] = {"mean": float(np.mean(values)), "sigma": float(np.median(found.trace.sigma[name]))}
+    signature = jshell.signals.extract(found.trace, start=start, stop=stop) if analyse else None
+    if as_json:
+        say(record | ({} if signature is None else {"signature": signature.record()}))
+    else:
+        unit = "px" if pixel is None else "m"
+        for name in found.trace.channels:
+            typer.echo(f"{name}: mean {record[name]['mean']:.6g} {unit}, ± {record[name]['sigma']:.2g} {unit} a frame")
+        if signature is not None:
+            typer.echo(signature_table(signature))
+    if signature is not None:
+        for text in (signature.reason, *signature.notes, *signature.warnings):
+            if text:
+                log(text)
+        finish(signature.outcome, sound=signature.sound)
+
+
+def _angle(text: str) -> float | None:
+    if text == "find":
+        return None
+    try:
+        return float(text)
+    except ValueError:
+        raise BadValue("--axis", found=repr(text), expected="degrees, or find", remedy="90 is upright.") from None
+
+
+def _box(text: str | None) -> tuple[int, int, int, int] | None:
+    if text is None:
+        return None
+    parts = text.split(":")
+    if len(parts) != 4 or not all(part.isdigit() for part in parts):
+        raise BadValue("--holder", found=repr(text), expected="TOP:BOTTOM:LEFT:RIGHT", remedy="Count pixels from 0.")
+    top, bottom, left, right = map(int, parts)
+    return top, bottom, left, right
+
+
+def _strip(path: Path, found: "jshell.camera.Filmed", out: Path) -> None:
+    """A few frames beside each other, with the outline that was found."""
+    pictures = jshell.plot
+    with jshell.camera.open_film(path) as shown:
+        chosen = np.unique(np.linspace(0, shown.count - 1, SHOWN).astype(int))
+        figure = pictures.new_figure((2.0 * len(chosen), 2.2))
+        for place, number in enumerate(chosen, 1):
+            ax = figure.add_subplot(1, len(chosen), place)
+            ax.imshow(shown.read(int(number)), cmap="gray")
+            outline = found.outlines[int(number)]
+            if outline is not None:
+                ax.plot(*outline.points.T, color="tab:orange", linewidth=0.8)
+            ax.set_title(f"frame {number + 1}", fontsize=8)
+            ax.set_axis_off()
+        pictures.save(figure, out)

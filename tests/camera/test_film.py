@@ -1,0 +1,142 @@
+"""A film whose geometry is known: height and width come back without bias, with errors that are what they say."""
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+from scipy.special import erf
+
+from jshell.errors import BadFile, BadName, MissingExtra, UnusableData
+
+pytest.importorskip("skimage")
+pytest.importorskip("tifffile")
+from jshell.camera import View, lens_from_grid, measure, open_film
+
+ROWS = COLUMNS = 256
+NOISE = 0.005  # of full scale
+BLUR = 1.0  # px
+
+
+def _coordinates(k1=0.0, fine=1):
+    """True places of the points of a picture, `fine` to a pixel's side, whose lens shows r in r (1 + k₁ r²)."""
+    rows, columns = ((np.mgrid[: fine * ROWS, : fine * COLUMNS] + 0.5) / fine - 0.5).astype(float)
+    middle, radius = (COLUMNS - 1) / 2, np.hypot(ROWS, COLUMNS) / 2
+    x, y = (columns - middle) / radius, (rows - middle) / radius
+    seen = np.hypot(x, y)
+    true = seen.copy()
+    for _ in range(20 if k1 else 0):
+        true = seen / (1 + k1 * true**2)
+    ratio = np.where(seen > 0, true / np.where(seen > 0, seen, 1), 1)
+    return middle + radius * x * ratio, middle + radius * y * ratio
+
+
+def _shell(height, width, rng=None, k1=0.0, noise=NOISE):
+    """A dark ellipse out of focus, in 16 bits: drawn twice as fine, blurred, and gathered by the pixels."""
+    x, y = _coordinates(k1, fine=2)
+    x, y = (x - 127.3) / (width / 2), (y - 126.6) / (height / 2)
+    size = np.hypot(x, y)
+    slope = np.hypot(x / (width / 2), y / (height / 2)) / np.where(size > 0, size, 1)
+    sharp = 0.5 * (1 - erf((size - 1) / np.where(slope > 0, slope, 1) / (np.sqrt(2) * 0.35)))
+    blurred = gaussian_filter(sharp, 2 * np.sqrt(BLUR**2 - 1 / 12))  # a pixel is 1/12 wide by itself
+    inside = blurred.reshape(ROWS, 2, COLUMNS, 2).mean(axis=(1, 3))
+    grey = 0.85 - 0.7 * inside
+    if rng is not None:
+        grey = grey + noise * rng.normal(size=grey.shape)
+    return np.clip(np.round(65535 * grey), 0, 65535).astype(np.uint16)
+
+
+def _film(path, sizes, seed=0, **form):
+    import tifffile
+
+    rng = np.random.default_rng(seed)
+    tifffile.imwrite(path, np.stack([_shell(h, w, rng, **form) for h, w in sizes]), photometric="minisblack")
+    return path
+
+
+@pytest.fixture(scope="module")
+def film(tmp_path_factory):
+    times = np.arange(60) / 1000
+    heights = 150 + 12 * np.exp(-times / 0.03) * np.cos(2 * np.pi * 90 * times)
+    widths = 170 - 5 * np.exp(-times / 0.03) * np.cos(2 * np.pi * 90 * times)
+    sizes = np.stack([heights, widths], axis=1)
+    return _film(tmp_path_factory.mktemp("film") / "a.tif", sizes), sizes
+
+
+def test_height_and_width_of_a_noisy_film_are_without_bias_and_their_errors_honest(film):
+    path, sizes = film
+    found = measure(path, View(rate=1000))
+    np.testing.assert_allclose(found.trace.times, np.arange(60) / 1000)
+    assert dict(found.trace.settings) == {"channel_units": "height: px; width: px"}
+    assert found.warnings == ()
+    for name, truth in zip(("height", "width"), sizes.T, strict=True):
+        off = found.trace[name] - truth
+        assert abs(off.mean()) < 0.05
+        # 60 frames know their own scatter to 9 %
+        assert 0.7 < np.sqrt(np.mean((off / found.trace.sigma[name]) ** 2)) < 1.3
+
+
+@pytest.mark.slow
+def test_over_two_hundred_frames_the_errors_are_right_to_a_tenth(tmp_path):
+    rng = np.random.default_rng(3)
+    sizes = np.stack([150 + rng.uniform(-8, 8, 200), 170 + rng.uniform(-8, 8, 200)], axis=1)
+    found = measure(_film(tmp_path / "a.tif", sizes), View(rate=1000))
+    for name, truth in zip(("height", "width"), sizes.T, strict=True):
+        off = found.trace[name] - truth
+        assert abs(off.mean()) < 0.01
+        assert 0.9 < np.std(off / found.trace.sigma[name]) < 1.1
+
+
+def test_a_pixels_size_makes_lengths(film):
+    found = measure(film[0], View(rate=1000, pixel=1e-4)).trace
+    np.testing.assert_allclose(found["H"], 1e-4 * film[1][:, 0], rtol=1e-3)
+    assert list(found.sigma) == ["H", "W"]
+
+
+def test_a_grid_takes_barrel_distortion_off(tmp_path):
+    import tifffile
+
+    k1 = -0.03
+    x, y = _coordinates(k1)
+    dots = np.cos(2 * np.pi * (x - 127.5) / 20) + np.cos(2 * np.pi * (y - 127.5) / 20)
+    grid = 0.8 - 0.6 / (1 + np.exp(-8 * (dots - 1.3)))
+    tifffile.imwrite(tmp_path / "grid.tif", (65535 * grid).astype(np.uint16))
+    lens = lens_from_grid(tmp_path / "grid.tif")
+    assert abs(lens.k1 - k1) < 0.002
+    assert abs(lens.spacing - 20) < 0.05
+    path = _film(tmp_path / "a.tif", [(150, 170)] * 6, k1=k1)
+    bent, straight = (measure(path, View(rate=1000, lens=one)).trace for one in (None, lens))
+    assert abs(np.mean(bent["width"]) - 170) > 0.5  # what is left without a grid
+    assert abs(np.mean(straight["width"]) - 170) < 0.05
+    assert abs(np.mean(straight["height"]) - 150) < 0.05
+
+
+def test_frames_without_a_shell_are_gaps_and_pictures_in_a_folder_are_a_film(tmp_path):
+    from PIL import Image
+
+    rng = np.random.default_rng(1)
+    for k in range(12):
+        frame = _shell(150, 170, rng) if k != 3 else np.full((ROWS, COLUMNS), 55000, np.uint16)
+        Image.fromarray((frame // 257).astype(np.uint8)).save(tmp_path / f"frame{k}.png")  # 10 comes after 9
+    found = measure(tmp_path, View(rate=500, pixel=1.0))
+    np.testing.assert_allclose(found.trace.times, np.delete(np.arange(12), 3) / 500)
+    assert found.outlines[3] is None
+    assert found.warnings == ("1 frames show no shell and are gaps, the first is 4",)
+
+
+def test_what_is_no_film_is_refused(tmp_path, monkeypatch):
+    import tifffile
+
+    (tmp_path / "a.tif").write_bytes(b"II*\0" + bytes(40))
+    with pytest.raises(BadFile):
+        open_film(tmp_path / "a.tif")
+    (tmp_path / "a.mov").write_bytes(b"x")
+    with pytest.raises(BadName, match=r"suffix \.mov"):
+        open_film(tmp_path / "a.mov")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(BadFile, match="no pictures"):
+        open_film(tmp_path / "empty")
+    tifffile.imwrite(tmp_path / "b.tif", np.full((3, 64, 64), 100, np.uint8), photometric="minisblack")
+    with pytest.raises(UnusableData, match="a shell in 0 of 3 frames"):
+        measure(tmp_path / "b.tif", View(rate=1.0))
+    monkeypatch.setitem(__import__("sys").modules, "tifffile", None)
+    with pytest.raises(MissingExtra, match=r"jshell\[camera\]"):
+        open_film(tmp_path / "b.tif")
