@@ -22,9 +22,10 @@ from jaxtyping import Array, Float
 
 from jshell.errors import BadShape, BadValue, Outcome
 from jshell.signals.lane_search import CONVERGED, RUNNING, Look, begin, descend
-from jshell.signals.lanes import BLOCK, backward, centred, cholesky, forward, lanewise, listed, spreads, stage, total
+from jshell.signals.lanes import BLOCK, centred, lanewise, spreads, stage, total
 from jshell.signals.pencil import rates
 from jshell.signals.pencil_batch import CELLS, poles
+from jshell.signals.two_waves import explained
 from jshell.signals.wave_sums import INNER, data_sums, gram
 
 TOGETHER = 16
@@ -80,34 +81,10 @@ def look(logs: Float[Array, "3 block"], data: Records) -> Look:
     turn, decay, real, imag = stage(roots, go, logs)
     d = data_sums(data.values, real, imag, go)[0]
     G, sums = gram(decay, turn, data.count, go)
-    L = cholesky(listed(G[:4, :4]), go)
-    half = forward(L, [d[i] for i in range(4)], go)
-    C = backward(L, half, go)
-    cost = data.power - total(x * x for x in half)
-
-    def tangents(C, turn, decay):
-        zero = jnp.zeros_like(decay)
-        slow, fast = [C[1] * turn[0], -C[0] * turn[0]], [C[3] * turn[1], -C[2] * turn[1]]
-        return jnp.stack([*slow, zero, zero, zero, zero, *fast, *(-c * decay for c in C)]).reshape(3, 4, -1)
-
-    X = stage(tangents, go, C, turn, decay)
-
-    def products(G, X):
-        return total(X[:, j, None] * G[4 + j, 4:] for j in range(4)), total(
-            X[:, j, None] * G[4 + j, :4] for j in range(4)
-        )
-
-    GX, mixed = stage(products, go, G, X)
-    U = forward(L, [mixed[:, j] for j in range(4)], go)
-
-    def sums_of(X, GX, mixed, U, C):
-        gradient = total(X[:, j] * d[4 + j] - mixed[:, j] * C[j] for j in range(4))
-        straight = total(X[:, None, j] * GX[None, :, j] for j in range(4))
-        return gradient, straight - total(U[j][:, None] * U[j][None, :] for j in range(4)), jnp.stack(C)
-
-    gradient, normal, best = stage(sums_of, go, X, GX, mixed, U, C)
+    found = explained(turn, decay, d, G, go)
+    cost = data.power - found.power
     sound = jnp.isfinite(cost) & (turn[1] < jnp.pi) & (decay < 3.0)
-    return Look(jnp.where(sound, cost, jnp.inf), gradient, normal, best, sums)
+    return Look(jnp.where(sound, cost, jnp.inf), found.gradient, found.normal, found.amplitudes, sums)
 
 
 class Ending(NamedTuple):
