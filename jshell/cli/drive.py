@@ -11,8 +11,8 @@ import typer
 import jshell
 from jshell.cli import decay as decays
 from jshell.cli.constants import Damped, with_damping
-from jshell.cli.destinations import OutFile, Picture, drawable, traceable
-from jshell.cli.output import Json, finish, log, say, speaking, table
+from jshell.cli.destinations import OutFile, Picture, drawable, traceable, write_finite
+from jshell.cli.output import Json, finish, judged, log, say, speaking, table
 from jshell.cli.problem import Problem, with_conditions
 from jshell.errors import BadValue, Outcome, choose
 from jshell.sizes import count_of_samples
@@ -106,12 +106,12 @@ def _tell(
     as_json: bool,
 ) -> None:
     """Write what was asked for, and say the numbers."""
-    outcome = Outcome(int(found.outcome))
     whole = found.trace()
+    outcome = judged(Outcome(int(found.outcome)), *whole.channels.values())
     settings = (*whole.settings, *decays.written(decay))
     trace = dataclasses.replace(whole, outcome=int(outcome), settings=settings, scales=problem.scales)
     if out is not None:
-        jshell.io.write_trace(out, trace)
+        write_finite(out, trace)
     drawing = importlib.import_module("jshell.plot.response")
     if plot is not None:
         importlib.import_module("jshell.plot").save(drawing.answer(found), plot)
