@@ -74,7 +74,21 @@ def drive(
     times = _times(problem, constants, omega, duration, every)
     log(f"driving {duration:g} time units at angular frequency {omega:g}")
     found = short.drive(problem.conditions, constants, pressure, times=times, drag=losses)
+    if memory is not None:
+        _tell_of_thick_layer(problem, found)
     _tell(problem, found, found_decay, omega, out, plot, as_json)
+
+
+def _tell_of_thick_layer(problem: Problem, found: "jshell.oscillator.Response") -> None:
+    """What the exact liquid says, where the layer is too thick for its law, which the run has warned of."""
+    limits = importlib.import_module("jshell.oscillator.drive")
+    driven = found.driven
+    if limits.layer_thickness(driven.conditions, driven.coefficients, driven.state) <= limits.THICKEST_LAYER:
+        return
+    exact = jshell.dynamics.modes(problem.conditions, liquid="exact", count=2)
+    for row in exact.table():
+        omega = "overdamped" if row.omega is None else f"omega {row.omega:.4g}"
+        log(f"the exact liquid says: {omega}, tau {'–' if row.tau is None else format(row.tau, '.4g')}")
 
 
 def _times(

@@ -206,3 +206,11 @@ def test_a_number_that_is_none_is_an_outcome_and_never_in_a_file_under_ok(tmp_pa
     assert judged(Outcome.CONTACT, np.nan) == Outcome.CONTACT
     assert judged(Outcome.OK, np.ones(2), 1.0) == Outcome.OK
     assert "fit" in Outcome.NOT_FINITE.advice
+
+
+@pytest.mark.slow
+def test_a_thick_layer_is_said_beside_what_the_exact_liquid_does():
+    asked = [*SHELL[:-1], "0.1", "--layer", "1", "--amplitude", "0.005", "--duration", "20", "--every", "0.5"]
+    told = CliRunner().invoke(app, ["drive", *asked]).stderr
+    assert "R0 thick" in told
+    assert "the exact liquid says: omega" in told
