@@ -8,9 +8,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jshell.calibration.batch_noise import Again, Given, Left, again, columns, memory_of, residual
+from jshell.calibration.batch_noise import Again, again, columns, memory_of
+from jshell.calibration.batch_residual import Given, Left, residual
 from jshell.calibration.misfit import is_explained
 from jshell.calibration.noise import (
+    COHERENT,
     MISFIT,
     envelope_chance,
     estimate_memory,
@@ -88,8 +90,6 @@ def remember(run: Any) -> None:
         chosen = np.flatnonzero(memory.max(axis=1) > 0)
         if chosen.size:
             _fit_again(run, bucket, chosen, memory[chosen])
-            left = _residuals(run, bucket, chosen)
-            run.found.cost[bucket.rows[chosen]] = left.power.sum(axis=1)
 
 
 def _scatters(bucket: Bucket, chosen: np.ndarray) -> np.ndarray:
@@ -201,18 +201,22 @@ def _coherent(bucket: Bucket, chosen: np.ndarray, left: Left, memory: np.ndarray
     found = np.zeros(memory.shape, bool)
     for count, mine in _alike(bucket.counts[chosen]):
         fresh = left.residual[mine][..., :count]
-        early, whole = left.halves[mine, 0], left.halves[mine, 1]
+        early, whole, size = left.halves[mine, 0], left.halves[mine, 1], left.size[mine]
         some = np.flatnonzero(memory[mine].any(axis=1))
         if some.size:
             fresh[some] = _whitened(bucket, chosen[mine[some]], fresh[some], memory[mine[some]])
             root = np.sqrt(np.abs(fresh[some]))
             early[some], whole[some] = root[..., : count // 2].sum(axis=-1), root.sum(axis=-1)
+            size[some] = np.einsum("...t,...t->...", root, root)
         with np.errstate(all="ignore"):
             # ranks cost a sort: they are asked where the mean sizes of the halves differ at all; roots bear outliers
-            spread = np.sqrt(np.maximum(np.abs(fresh).mean(axis=-1) - (whole / count) ** 2, 0.0))
+            spread = np.sqrt(np.maximum(size / count - (whole / count) ** 2, 0.0))
             differ = np.abs(2 * early - whole) > UNEVEN_SIZES * spread * np.sqrt(count)
         with np.errstate(all="ignore"):
-            peak = peak_chance(fresh)
+            peak = peak_chance(fresh.astype(np.float32))
+            near = peak < 100 * COHERENT  # single precision errs by 1e-4 of the chance
+            peak = np.where(near, np.inf, peak)
+            peak[near] = peak_chance(fresh[near])
         envelope = np.ones(peak.shape)
         for k, c in zip(*np.nonzero(differ), strict=True):
             envelope[k, c] = envelope_chance(fresh[k, c])
@@ -254,3 +258,4 @@ def _fit_again(run: Any, bucket: Bucket, chosen: np.ndarray, memory: np.ndarray)
         for name in ("unknowns", "normal", "state", "omega", "slope"):
             getattr(found, name)[..., rows] = np.where(good, getattr(moved, name), getattr(stayed, name))
         run.studied.whitened[rows] = np.where(good, moved.cost, stayed.cost)
+        found.cost[rows] = np.where(good, moved.power, stayed.power)

@@ -67,8 +67,8 @@ class Shape(NamedTuple):
     sound: jax.Array
 
 
-def shape(unknowns: Float[Array, "unknowns block"], data: Block) -> Shape:
-    """Modes of given constants, with derivatives by perturbation of M and K."""
+def shape(unknowns: Float[Array, "unknowns block"], data: Any) -> Shape:
+    """Modes of given constants, with derivatives by perturbation of M and K; of the block its shells are read."""
     if data.modal:
         return _of_frequencies(unknowns, data)
     alpha1, alpha2, k, rate = jnp.exp(unknowns[0]), jnp.exp(unknowns[1]), unknowns[2], jnp.exp(unknowns[3])
@@ -98,7 +98,7 @@ def shape(unknowns: Float[Array, "unknowns block"], data: Block) -> Shape:
     return Shape(damped, rate, shapes, own / (2 * damped), mixing[None] * shapes[:, None, ::-1], sound)
 
 
-def _of_frequencies(unknowns: Float[Array, "unknowns block"], data: Block) -> Shape:
+def _of_frequencies(unknowns: Float[Array, "unknowns block"], data: Any) -> Shape:
     """The two frequencies of given constants; of each mode every channel has amplitudes of its own."""
     alpha1, alpha2, k2, rate = jnp.exp(unknowns[0]), jnp.exp(unknowns[1]), unknowns[2], jnp.exp(unknowns[3])
     m1, m2 = alpha1 / (4 * jnp.pi), 2 * alpha2 * data.volume**2 / (9 * jnp.pi**3)
