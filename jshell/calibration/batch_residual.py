@@ -138,7 +138,7 @@ def left_of(modes: Shape, linear: jax.Array, rest: jax.Array, given: Any, inside
 def _grouped_sums(r: jax.Array, of: Any, mean: Any = None, inside: Any = None) -> jax.Array:
     """(channels, block) sum of a function of every sample, and of whether it lies above the mean."""
     groups = r.reshape(r.shape[0], -1, INNER, r.shape[2])
-    there = None if inside is None else inside.reshape(-1, INNER, r.shape[2])
+    there: Any = None if inside is None else inside.reshape(-1, INNER, r.shape[2])
     up = lambda j: None if mean is None else jnp.where(groups[:, :, j] > mean[:, None], there[:, j], 0.0)  # noqa: E731
     return jnp.sum(total(of(groups[:, :, j], up(j)) for j in range(INNER)), axis=1)
 

@@ -59,7 +59,7 @@ def waves_of(modes: Shape, data: Block) -> tuple[Waves, jax.Array, jax.Array]:
     return Waves(1 / size, cosine, sine, first, G, sums - first), size * cosine, size * sine
 
 
-def basis(modes: Shape, data: Any, inside: jax.Array | None = None) -> Float[Array, "9 times block"]:
+def basis(modes: Shape, data: Any, inside: Any = None) -> Float[Array, "9 times block"]:
     """The eight functions and the constant at every sample, 0 where there is none; `inside` as in `Block`."""
     inside = data.inside if inside is None else inside
     size = data.values.shape[1]
