@@ -117,7 +117,7 @@ class BatchOptions(Wire):
     """The options of `jshell.calibration.fit_batch`."""
 
     loss: Literal["strict", "modal"] | None = None
-    channels: list[str] | None = None
+    channels: list[Text] | None = Field(None, min_length=1, max_length=20)
     noise: Literal["auto", "white"] = "auto"
     solver: Literal["exact", "diffrax"] = "exact"
     equilibrium: Literal["plateau", "trace"] = "plateau"
