@@ -1,4 +1,7 @@
-"""Every public function that is called differentiable: eager and compiled, in every number, against differences."""
+"""Public functions that are called differentiable: eager and compiled, in every number, against differences.
+
+Modes have theirs in `tests/dynamics/test_modes.py`, runs of the simulator in `tests/dynamics/test_simulate.py`.
+"""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -8,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jshell import dynamics, membrane, pressure
+from jshell import membrane, pressure
 from jshell.oscillator import (
     Coefficients,
     damped_modes,
@@ -111,11 +114,6 @@ def _at_rest(**x: Any) -> Any:
     return _weighed(shape.volume, shape.area, shape.pressure)
 
 
-def _ringing(**x: Any) -> Any:
-    found = dynamics.modes(_conditions(**x), elements=16, count=2)
-    return _weighed(found.omega, found.tau)
-
-
 def _forcing(make: Callable[..., Any], **x: Any) -> Any:
     t = x.pop("t")
     return make(**x)(t)
@@ -168,13 +166,12 @@ SUBJECTS = {
 }  # fmt: skip
 # what compiles for seconds
 DEAR = {
-    "buckled_state", "buckling_load", "damped_modes", "drive", "frequencies", "from_si", "modes", "rest", "simulate",
+    "buckled_state", "buckling_load", "damped_modes", "drive", "frequencies", "from_si", "rest", "simulate",
     "sphere_frequency", "sphere_state", "thresholds",
 }  # fmt: skip
 SUBJECTS |= {
     "drive": Subject(_driven, R | C | {"amplitude": 0.02, "angular_frequency": 1.2}, 1e-3, 1e-5, ("k_vs",)),
     "rest": Subject(_at_rest, R, 1e-3, 1e-4, ("thickness",)),
-    "modes": Subject(_ringing, R, 1e-3, 1e-4, ("thickness",)),
 }  # fmt: skip
 
 
