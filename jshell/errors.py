@@ -52,7 +52,7 @@ _ADVICE = {
     Outcome.AT_BOUND: "a parameter ended on its bound: widen the bound or question the model",
     Outcome.STALLED: "the solver stopped making progress before it converged: try other starts",
     Outcome.UNUSABLE_DATA: "the data cannot carry this analysis: use a longer or cleaner record",
-    Outcome.NOT_FINITE: "the model gave no finite number: no start led to two oscillating modes",
+    Outcome.NOT_FINITE: "a number was not finite: check the conditions; in a fit no start led to two oscillating modes",
     Outcome.OVERDAMPED: "nothing oscillates in so viscous a liquid: only the decay time means anything",
 }
 

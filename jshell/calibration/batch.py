@@ -7,7 +7,7 @@ leave more than their noise, are tried again from other starts. A record that
 fails changes no other by a bit.
 
 Symbols    α1, α2, k_VS, β1 constants [-]   τ decay time [sqrt(ρ_f R0³/(E d))]   ω-, ω+ pulsations
-Valid for  small oscillations about a buckled rest state, V and S recorded, equal decay of both modes
+Valid for  small oscillations about a buckled rest state, equal decay of both modes; V and S for the strict loss
 Source     Mokbel et al. 2021: eq:eqmovadimV, eq:eqmovadimS, eq:defw, eq:taureal
 """
 
@@ -20,23 +20,22 @@ import numpy as np
 
 from jshell.calibration import batch_diffrax
 from jshell.calibration.agreement import rests_elsewhere
+from jshell.calibration.batch_bounds import NAMES, Box, box_of
 from jshell.calibration.batch_examine import nothing_studied, remember, study
 from jshell.calibration.batch_kernel import BlockInput, LaneResult, solve_blocks
 from jshell.calibration.batch_result import BatchResult, read
 from jshell.calibration.options import choices_of
-from jshell.calibration.recordings import Bucket, Recordings, bucketed, mean_volumes, rest_states, stacked
+from jshell.calibration.recordings import Bucket, Recordings, bucketed, mean_volumes, records_of, rest_states
 from jshell.calibration.records import EQUILIBRIA
-from jshell.calibration.starts import find_modes, strict_start
+from jshell.calibration.starts import find_modes, first_start
 from jshell.errors import BadName, BadValue
 from jshell.oscillator.simulate import SOLVERS
 from jshell.signals.lane_search import CONVERGED, RUNNING
 from jshell.signals.pencil_batch import CELLS
 from jshell.trace import Trace
 
-NAMES = ("alpha1", "alpha2", "k_vs", "tau")
 ROUNDS = 12  # of seven steps
 HOPELESS = 256  # more records than this in one call get no single care
-WIDEST = ((0.02, 500.0), (0.02, 500.0), (-np.inf, np.inf), (1e-3, 1e4))
 _solve = eqx.filter_jit(solve_blocks)
 TOGETHER = 16  # blocks of one call
 
@@ -45,7 +44,9 @@ Progress = Callable[[int, int], None]
 
 def fit_batch(
     traces: Sequence[Trace] | Recordings,
+    loss: str | None = None,
     *,
+    channels: Sequence[str] | None = None,
     solver: str = "exact",
     equilibrium: str = "plateau",
     fix: Mapping[str, float] | None = None,
@@ -58,9 +59,11 @@ def fit_batch(
     """Fit the short model to each of many traces by itself.
 
     Args:
-        traces: Traces of V and S with conditions, or arrays; lengths and conditions may differ, NaN marks a
-            missing sample.
-        solver: `exact` motion, or `diffrax` (evenly sampled records without gaps).
+        traces: Traces with conditions, or arrays; lengths and conditions may differ, NaN marks a missing sample.
+        loss: `strict`: V and S follow the oscillator; `modal`: only ω-, ω+ and τ of any channels, as in
+            `fit_trajectories`. None takes strict where there are V and S, modal otherwise.
+        channels: Those to read, of the modal loss; None takes those of V, S, H and W that all traces have.
+        solver: `exact` motion, or `diffrax` (strict loss, evenly sampled records without gaps).
         equilibrium: Rest state from the `plateau` law, or from where each `trace` settles.
         fix: Values of constants not to be fitted: `alpha1`, `alpha2`, `k_vs`, `tau`.
         bounds: Lowest and highest value of constants.
@@ -73,7 +76,8 @@ def fit_batch(
 
     Returns:
         One row per record, in their order, each with its outcome: ok; at_bound; rank_deficient with the free
-        direction; stalled; not_converged; not_finite; unusable_data; no_buckled_state.
+        direction, as every row of a modal fit without one of alpha1, alpha2, k_vs fixed, whose ω-, ω+ and τ are
+        determined; stalled; not_converged; not_finite; unusable_data; no_buckled_state.
 
     Raises:
         BadName: An option or constant that does not exist here.
@@ -90,24 +94,33 @@ def fit_batch(
         ("solver", solver, SOLVERS),
         ("equilibrium", equilibrium, EQUILIBRIA),
         ("noise", noise, tuple(choices_of("noise"))),
+        ("loss", loss, tuple(choices_of("loss"))),
     ):
         if value not in known:
             raise BadName(
-                f"{place} {value!r}", found="no such choice", expected=" or ".join(known), remedy="Choose one."
+                f"{place} {value!r}",
+                found="no such choice",
+                expected=" or ".join(x for x in known if x),
+                remedy="Choose one.",
             )
-    records = traces if isinstance(traces, Recordings) else stacked(list(traces)) if len(traces) else None
-    if records is None:
-        raise BadValue("traces", found="none", expected="at least one trace", remedy="Give a trace.")
-    low, high, fixed = _limits(fix or {}, bounds or {})
-    run = _Batch(records, equilibrium, low, high, solver, progress)
+    loss, records = records_of(traces, loss, channels)
+    if loss == "modal" and solver != "exact":
+        raise BadName(
+            "solver",
+            found=repr(solver),
+            expected="'exact', the one that the modal loss has",
+            remedy="The modal loss integrates nothing.",
+        )
+    box = box_of(loss, fix or {}, bounds or {})
+    run = _Batch(records, loss, equilibrium, box, solver, progress)
     run.fit_all()
-    run.study(run.usable, ~fixed, noise)
+    run.study(run.usable, noise)
     again = run.try_again(starts, np.random.default_rng(seed))
-    run.study(again, ~fixed, noise)
+    run.study(again, noise)
     if run.found is not None:
         remember(run)
     with np.errstate(all="ignore"):  # rows that failed hold anything; they are hidden there
-        return read(run, fixed)
+        return read(run)
 
 
 class _Batch:
@@ -122,13 +135,14 @@ class _Batch:
     def __init__(
         self,
         records: Recordings,
+        loss: str,
         equilibrium: str,
-        low: np.ndarray,
-        high: np.ndarray,
+        box: Box,
         solver: str,
         progress: Progress | None,
     ):
-        self.records, self.low, self.high, self.progress = records, low, high, progress
+        self.records, self.box, self.low, self.high, self.progress = records, box, box.low, box.high, progress
+        self.modal, self.channels = loss == "modal", records.channels
         self.solve = _solve if solver == "exact" else batch_diffrax.solve
         self.rows = np.shape(records.values)[0]
         self.buckets, self.unusable = bucketed(records)
@@ -143,12 +157,16 @@ class _Batch:
         of = lambda name: np.broadcast_to(np.asarray(getattr(records.conditions, name), float), (self.rows,))  # noqa: E731
         self.gas_pressure, self.kappa, self.viscosity = of("gas_pressure"), of("kappa"), of("viscosity")
         self.area_modulus = 0.5 / (1 - of("poisson_ratio"))
-        self.sigma = np.full((self.rows, 2), np.nan) if records.sigma is None else np.asarray(records.sigma, float)
+        self.sigma = (
+            np.full((self.rows, len(self.channels)), np.nan)
+            if records.sigma is None
+            else np.asarray(records.sigma, float)
+        )
         self.absolute = records.sigma is not None
         self.tried, self.agreeing = np.ones(self.rows, int), np.ones(self.rows, int)
         self.counts = np.zeros(self.rows, int)
         self.ends: dict[int, list[float]] = {}
-        self.studied = nothing_studied(self.rows)
+        self.studied = nothing_studied(self.rows, len(self.channels))
         self.found: LaneResult | None = None
         self.done = 0
 
@@ -216,6 +234,8 @@ class _Batch:
                 elapsed=side_by_side(bucket.elapsed) if uneven else None,
                 uneven=side_by_side(bucket.values) if uneven else None,
                 noise=None if bucket.noise is None else np.swapaxes(bucket.noise[lanes], 1, 2),
+                modal=self.modal,
+                volume_at=self.channels.index("V") if "V" in self.channels else 0,
             )
             first = np.swapaxes(
                 np.resize(starts[:, at : at + mine.size].T, (together * size, 4)).reshape(together, size, 4), 1, 2
@@ -239,11 +259,11 @@ class _Batch:
         """(rows,) records that can be fitted."""
         return ~self.unusable & self.buckled
 
-    def study(self, which: np.ndarray, free: np.ndarray, noise: str) -> None:
+    def study(self, which: np.ndarray, noise: str) -> None:
         """Test what is left of some records."""
         if self.found is not None:
             finite = np.isfinite(self.found.cost) & np.all(np.isfinite(self.found.unknowns), axis=0)
-            study(self, which & finite, free, white=noise == "white")
+            study(self, which & finite, self.box.free, white=noise == "white")
 
     def try_again(self, count: int, random: np.random.Generator) -> np.ndarray:
         """Random starts where asked for; several for records that ended badly or leave more than their noise.
@@ -283,7 +303,11 @@ class _Batch:
             modes = find_modes(bucket.steps[j] * np.arange(int(bucket.counts[j])), values)
             if modes is not None:
                 rest = self.found.rest[:, row]
-                first = strict_start([_as_record(rest, self.kappa[row], self.area_modulus[row])], [modes], {})
+                record = _as_record(rest, self.kappa[row], self.area_modulus[row])
+                held = self.low == self.high
+                fix = dict(zip(NAMES[:2], np.exp(self.low[:2]), strict=True)) | {"k_vs": np.sqrt(abs(self.low[2]))}
+                fix = {name: float(x) for (name, x), one in zip(fix.items(), held[:3], strict=True) if one}
+                first = first_start("modal" if self.modal else "strict", [record], [modes], fix if self.modal else {})
                 here = np.array([np.log(first[0]), np.log(first[1]), first[2], -np.log(modes.tau)])
                 rows.append(here)
         for k in range(count):
@@ -305,36 +329,6 @@ class _Batch:
                     whole[..., row] = part[..., mine[best - 1]]
             self.tried[row] = len(every)
             self.agreeing[row] = sum(c <= min(every) * (1 + 1e-7) for c in every) if np.isfinite(min(every)) else 0
-
-
-def _limits(fix: Mapping[str, float], bounds: Mapping[str, tuple[float, float]]):
-    """Bounds of (log α1, log α2, k_VS, log σ), and which are fixed."""
-    for name in (*fix, *bounds):
-        if name not in NAMES:
-            raise BadName(
-                f"parameter {name!r}",
-                found="no such parameter of a batch fit",
-                expected=", ".join(NAMES),
-                remedy="Use tau = alpha1/(2 beta1 viscosity) for beta1, or fit_trajectories.",
-            )
-    low, high, fixed = np.zeros(4), np.zeros(4), np.zeros(4, bool)
-    for i, name in enumerate(NAMES):
-        least, most = (fix[name], fix[name]) if name in fix else bounds.get(name, WIDEST[i])
-        positive = name != "k_vs"
-        if not (least < most or name in fix) or (positive and not (most > 0)) or not np.isfinite(fix.get(name, 1.0)):
-            raise BadValue(
-                f"bounds or fix of {name!r}",
-                found=f"({least:g}, {most:g})",
-                expected="lowest < highest, and room above 0 for a positive parameter",
-                remedy="Check the order.",
-            )
-        if positive:
-            least, most = np.log(max(least, WIDEST[i][0])) if name not in fix else np.log(least), np.log(most)
-        low[i], high[i] = (-most, -least) if name == "tau" else (least, most)
-        fixed[i] = name in fix
-    if fixed.all():
-        raise BadValue("fix", found="every parameter fixed", expected="a free one", remedy="Free a parameter.")
-    return low, high, fixed
 
 
 def _as_record(rest: np.ndarray, kappa: Any, area_modulus: Any):

@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jshell.calibration.batch_kernel import BlockInput, LaneResult, PreparedBlock, found_of, prepare
-from jshell.calibration.batch_shape import UNKNOWNS, Block, shape
+from jshell.calibration.batch_shape import UNKNOWNS, Block, pulsations, shape
 from jshell.signals.lane_search import Look, begin, descend
 from jshell.signals.lanes import backward, cholesky, forward, lanewise, listed, total
 
@@ -97,7 +97,7 @@ def _descended(ready: PreparedBlock, start: jax.Array, low: jax.Array, high: jax
     search = descend(begin(first, ready.data, at), ready.data, low, high, at)
     modes, data = shape(search.unknowns, ready.data), ready.data
     state = jnp.concatenate([search.look.linear, data.mean - search.look.sums[:2] / data.count])
-    return found_of(search, ready, first, state, jnp.sqrt(modes.damped**2 + modes.rate**2))
+    return found_of(search, ready, first, state, *pulsations(modes))
 
 
 def solve(
@@ -106,7 +106,7 @@ def solve(
     """Fit block after block; arguments of `batch_kernel.solve_blocks`."""
     parts = []
     for number in range(int(used)):
-        ready = _prepare(jax.tree.map(lambda x, number=number: jnp.asarray(x[number]), raw), cell)
+        ready = _prepare(jax.tree.map(lambda x, number=number: jnp.asarray(x[number]), raw), low, high, cell)
         first = np.where(np.isnan(start[number]), np.asarray(ready.start), start[number])
         modes = _shape(jnp.asarray(first), ready.data)
         turns = np.asarray(modes.damped[1] * ready.data.step)[np.asarray(modes.sound)]

@@ -8,9 +8,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jshell.calibration.batch_noise import Again, Given, Left, again, columns, memory_of, residual
+from jshell.calibration.batch_noise import Again, again, columns, memory_of
+from jshell.calibration.batch_residual import Given, Left, residual
 from jshell.calibration.misfit import is_explained
 from jshell.calibration.noise import (
+    COHERENT,
     MISFIT,
     envelope_chance,
     estimate_memory,
@@ -32,7 +34,7 @@ class Studied(NamedTuple):
     """What was learnt of every record, (rows, …).
 
     Attributes:
-        memory: (rows, 2) φ of V and S; 0 where the residual passes as white.
+        memory: (rows, channels) φ; 0 where the residual passes as white.
         whitened: (rows,) sum of squares of the whitened residual where the noise remembers, else NaN.
         misfit: (rows,) whether the model leaves clearly more than noise explains.
     """
@@ -42,9 +44,9 @@ class Studied(NamedTuple):
     misfit: np.ndarray
 
 
-def nothing_studied(rows: int) -> Studied:
+def nothing_studied(rows: int, channels: int) -> Studied:
     """Before any record was looked at."""
-    return Studied(np.zeros((rows, 2)), np.full(rows, np.nan), np.zeros(rows, bool))
+    return Studied(np.zeros((rows, channels)), np.full(rows, np.nan), np.zeros(rows, bool))
 
 
 def study(run: Any, which: np.ndarray, free: np.ndarray, *, white: bool) -> None:
@@ -88,13 +90,11 @@ def remember(run: Any) -> None:
         chosen = np.flatnonzero(memory.max(axis=1) > 0)
         if chosen.size:
             _fit_again(run, bucket, chosen, memory[chosen])
-            left = _residuals(run, bucket, chosen)
-            run.found.cost[bucket.rows[chosen]] = left.power.sum(axis=1)
 
 
 def _scatters(bucket: Bucket, chosen: np.ndarray) -> np.ndarray:
-    """(chosen, 2) standard deviations."""
-    found = np.empty((chosen.size, 2))
+    """(chosen, channels) standard deviations."""
+    found = np.empty((chosen.size, bucket.values.shape[1]))
     for count, mine in _alike(bucket.counts[chosen]):
         found[mine] = bucket.values[chosen[mine]][..., :count].std(axis=-1)
     return found
@@ -128,6 +128,7 @@ def _blocks(run: Any, bucket: Bucket, chosen: np.ndarray) -> Iterator[tuple[np.n
                 volume,
                 found.weight[:, rows],
                 None if bucket.elapsed is None else wide(bucket.elapsed),
+                run.modal,
             ),
         )
 
@@ -140,28 +141,28 @@ def _side_by_side(values: np.ndarray, padded: int) -> np.ndarray:
 
 
 def _residuals(run: Any, bucket: Bucket, chosen: np.ndarray) -> Left:
-    """What is left of chosen records, (chosen, 2, …) each; the halves (chosen, 2, 2)."""
-    parts = []
+    """What is left of chosen records, (chosen, channels, …) each; the halves (chosen, 2, channels)."""
+    parts, channels = [], bucket.values.shape[1]
     for mine, rows, given in _blocks(run, bucket, chosen):
         state = run.found.state[:, rows]
         parts.append([np.moveaxis(np.asarray(x)[..., : mine.size], -1, 0) for x in residual(
-            run.found.unknowns[:, rows], state[:4], state[4:], given
+            run.found.unknowns[:, rows], state[:-channels], state[-channels:], given
         )])  # fmt: skip
     return Left(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
 
 def _memories(run: Any, bucket: Bucket, chosen: np.ndarray, left: Left, free: np.ndarray) -> np.ndarray:
-    """(chosen, 2) φ where the tests of white noise fail, else 0."""
+    """(chosen, channels) φ where the tests of white noise fail, else 0."""
     count = bucket.counts[chosen, None]
     with np.errstate(all="ignore"):
         lag1 = left.neighbours / (left.power - count * left.mean**2)
         correlated = is_correlated(lag1 * np.sqrt(count), runs_from(left.above, left.changes, count))
-    memory, some = np.zeros((chosen.size, 2)), np.flatnonzero(correlated.any(axis=1))
+    memory, some = np.zeros(correlated.shape), np.flatnonzero(correlated.any(axis=1))
     # of a channel, alpha1, alpha2 and k_vs move the two frequencies; what else they do its own amplitudes do as well
     fitted = free.astype(float)
     fitted[0] *= not free[:3].all()
     for mine, rows, given in _blocks(run, bucket, chosen[some]):
-        at = run.found.unknowns[:, rows], run.found.state[:4, rows], fitted
+        at = run.found.unknowns[:, rows], run.found.state[: -bucket.values.shape[1], rows], fitted
         mine_left = left.residual[some[mine]]
         if bucket.elapsed is None:
             r = _side_by_side(np.resize(mine_left, (rows.size, *mine_left.shape[1:])), given.values.shape[1])
@@ -175,11 +176,12 @@ def _memories(run: Any, bucket: Bucket, chosen: np.ndarray, left: Left, free: np
 def _uneven_memories(parts: np.ndarray, left: np.ndarray, bucket: Bucket, chosen: np.ndarray) -> np.ndarray:
     """The same of uneven records, one by one."""
     assert bucket.elapsed is not None
-    found = np.zeros((chosen.size, 2))
+    channels = left.shape[1]
+    found = np.zeros((chosen.size, channels))
     for k, j in enumerate(chosen):
         count = int(bucket.counts[j])
         steps = steps_between(bucket.elapsed[j, :count])
-        for c in range(2):
+        for c in range(channels):
             found[k, c] = estimate_memory(left[k, c, :count], parts[c, :, :count, k].T, steps)
     return found
 
@@ -195,22 +197,26 @@ def _over_steps(bucket: Bucket, j: Any, phi: Any) -> np.ndarray:
 
 
 def _coherent(bucket: Bucket, chosen: np.ndarray, left: Left, memory: np.ndarray) -> np.ndarray:
-    """(chosen, 2) whether what is left moves as no noise does, once its memory is taken out."""
-    found = np.zeros((chosen.size, 2), bool)
+    """(chosen, channels) whether what is left moves as no noise does, once its memory is taken out."""
+    found = np.zeros(memory.shape, bool)
     for count, mine in _alike(bucket.counts[chosen]):
         fresh = left.residual[mine][..., :count]
-        early, whole = left.halves[mine, 0], left.halves[mine, 1]
+        early, whole, size = left.halves[mine, 0], left.halves[mine, 1], left.size[mine]
         some = np.flatnonzero(memory[mine].any(axis=1))
         if some.size:
             fresh[some] = _whitened(bucket, chosen[mine[some]], fresh[some], memory[mine[some]])
             root = np.sqrt(np.abs(fresh[some]))
             early[some], whole[some] = root[..., : count // 2].sum(axis=-1), root.sum(axis=-1)
+            size[some] = np.einsum("...t,...t->...", root, root)
         with np.errstate(all="ignore"):
             # ranks cost a sort: they are asked where the mean sizes of the halves differ at all; roots bear outliers
-            spread = np.sqrt(np.maximum(np.abs(fresh).mean(axis=-1) - (whole / count) ** 2, 0.0))
+            spread = np.sqrt(np.maximum(size / count - (whole / count) ** 2, 0.0))
             differ = np.abs(2 * early - whole) > UNEVEN_SIZES * spread * np.sqrt(count)
         with np.errstate(all="ignore"):
-            peak = peak_chance(fresh)
+            peak = peak_chance(fresh.astype(np.float32))
+            near = peak < 100 * COHERENT  # single precision errs by 1e-4 of the chance
+            peak = np.where(near, np.inf, peak)
+            peak[near] = peak_chance(fresh[near])
         envelope = np.ones(peak.shape)
         for k, c in zip(*np.nonzero(differ), strict=True):
             envelope[k, c] = envelope_chance(fresh[k, c])
@@ -219,7 +225,7 @@ def _coherent(bucket: Bucket, chosen: np.ndarray, left: Left, memory: np.ndarray
 
 
 def _whitened(bucket: Bucket, chosen: np.ndarray, left: np.ndarray, memory: np.ndarray) -> np.ndarray:
-    """(chosen, 2, count) with the memory taken out, as `noise.whiten`."""
+    """(chosen, channels, count) with the memory taken out, as `noise.whiten`."""
     if bucket.elapsed is None:
         phi = memory[..., None]
         fresh = (left[..., 1:] - phi * left[..., :-1]) / np.sqrt(1 - phi**2)
@@ -235,7 +241,7 @@ def _fit_again(run: Any, bucket: Bucket, chosen: np.ndarray, memory: np.ndarray)
     found, padded = run.found, -(-bucket.values.shape[2] // 16) * 16
     over = None
     if bucket.elapsed is not None:
-        over = np.array([[_over_steps(bucket, j, phi) for phi in pair] for j, pair in zip(chosen, memory, strict=True)])
+        over = np.array([[_over_steps(bucket, j, phi) for phi in phis] for j, phis in zip(chosen, memory, strict=True)])
     fixed = run.low == run.high
     for mine, rows, given in _blocks(run, bucket, chosen):
         lanes = np.resize(mine, rows.size)
@@ -249,6 +255,7 @@ def _fit_again(run: Any, bucket: Bucket, chosen: np.ndarray, memory: np.ndarray)
             ((moved.unknowns > run.low[:, None]) & (moved.unknowns < run.high[:, None])) | fixed[:, None], axis=0
         )
         good = (moved.status == CONVERGED) & inside & np.isfinite(moved.cost) & (found.status[rows] == CONVERGED)
-        for name in ("unknowns", "normal", "state", "omega"):
+        for name in ("unknowns", "normal", "state", "omega", "slope"):
             getattr(found, name)[..., rows] = np.where(good, getattr(moved, name), getattr(stayed, name))
         run.studied.whitened[rows] = np.where(good, moved.cost, stayed.cost)
+        found.cost[rows] = np.where(good, moved.power, stayed.power)

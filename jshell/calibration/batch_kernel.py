@@ -25,7 +25,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jshell.calibration.batch_shape import UNKNOWNS, Block, Shape, shape
+from jshell.calibration import batch_modal
+from jshell.calibration.batch_shape import UNKNOWNS, Block, Shape, pulsations, shape
 from jshell.calibration.data import SMALLEST_NOISE
 from jshell.shell.elasticity import SPHERE_VOLUME
 from jshell.signals.lane_search import Look, Search, begin, descend
@@ -73,6 +74,8 @@ def projected(modes: Shape, d: jax.Array, G: jax.Array, power: jax.Array, sums: 
         sums: Of the basis; passed on.
         data: The traces.
     """
+    if data.modal:
+        return batch_modal.projected(modes, d, G, power, sums, data)
     go, w = data.count[0] >= 0, data.weight
     each = G if G.ndim == 4 else G[None]
 
@@ -88,7 +91,7 @@ def projected(modes: Shape, d: jax.Array, G: jax.Array, power: jax.Array, sums: 
     C = backward(L, half, go)
     cost = power - total(x * x for x in half)
 
-    X = stage(lambda C, modes: tangents(C, modes, data.step), go, C, modes)
+    X = stage(lambda C, modes: tangents([C, C], modes, data.step), go, C, modes)
     GX = stage(lambda G, X: total(X[:, :, j, None] * G[:, None, j] for j in range(8)), go, each, X)
     mixed = stage(lambda GX, P: total(w[c] * GX[c, :, :4] * P[c] for c in range(2)), go, GX, P)  # (unknowns, 4, block)
     U = forward(L, [mixed[:, j] for j in range(4)], go)
@@ -104,12 +107,14 @@ def projected(modes: Shape, d: jax.Array, G: jax.Array, power: jax.Array, sums: 
     return Look(cost, gradient, normal, best, sums)
 
 
-def tangents(C: list[jax.Array], modes: Shape, step: jax.Array) -> Float[Array, "channels unknowns 8 block"]:
-    """Derivatives of the model by the unknowns, in the basis, at fixed linear parameters."""
+def tangents(
+    amplitudes: list[list[jax.Array]], modes: Shape, step: jax.Array
+) -> Float[Array, "channels unknowns 8 block"]:
+    """Derivatives of the model by the unknowns, in the basis, at fixed amplitudes, four of each channel."""
     zero = jnp.zeros_like(step)
     decay_slope = [zero, zero, zero, modes.rate * step]
     tangents = []
-    for c in range(2):
+    for c, C in enumerate(amplitudes):
         for u in range(UNKNOWNS):
             early, late = [], []
             for m in range(2):
@@ -118,7 +123,7 @@ def tangents(C: list[jax.Array], modes: Shape, step: jax.Array) -> Float[Array, 
                 early += [shape_slope * r, shape_slope * i]
                 late += [own * (i * turn_slope - r * decay_slope[u]), own * (-r * turn_slope - i * decay_slope[u])]
             tangents += early + late
-    return jnp.stack(tangents).reshape(2, UNKNOWNS, 8, -1)
+    return jnp.stack(tangents).reshape(len(amplitudes), UNKNOWNS, 8, -1)
 
 
 Numbers = Any  # arrays of NumPy outside, of JAX inside
@@ -128,7 +133,7 @@ class BlockInput(eqx.Module):
     """Traces as they come, side by side.
 
     Attributes:
-        values: (channels, times, block) V and S, anything beyond the record.
+        values: (channels, times, block), V and S for the strict loss, anything beyond the record.
         count: (block,) samples of each record; so are all but `sigma`, (channels, block).
         step: Time between samples.
         sigma: Standard errors of each channel, NaN where its own noise is to be taken.
@@ -140,6 +145,8 @@ class BlockInput(eqx.Module):
         elapsed: Times of uneven samples, else None; `values` then is the record brought to even times, for the start.
         uneven: The record itself at those times; with `elapsed`.
         noise: (channels, block) its own; with `elapsed`.
+        modal: Whether channels have amplitudes of their own.
+        volume_at: The channel that is V; only where the record says where it rests.
     """
 
     values: Numbers
@@ -154,6 +161,8 @@ class BlockInput(eqx.Module):
     elapsed: Numbers | None = None
     uneven: Numbers | None = None
     noise: Numbers | None = None
+    modal: bool = eqx.field(static=True, default=False)
+    volume_at: int = eqx.field(static=True, default=0)
 
 
 class PreparedBlock(NamedTuple):
@@ -171,13 +180,15 @@ class PreparedBlock(NamedTuple):
     heard: jax.Array
 
 
-def prepare(raw: BlockInput, cell: int) -> PreparedBlock:
+def prepare(raw: BlockInput, low: jax.Array, high: jax.Array, cell: int) -> PreparedBlock:
     """Means, weights, rest states and starts.
 
     Args:
         raw: The traces.
+        low, high: Bounds of the unknowns; what is fixed has both alike.
         cell: Samples per cell of the matrix pencil.
     """
+    channels = range(raw.values.shape[0])
     go = raw.count[0] >= 0
     y, mean = stage(centred, go, raw.values, raw.count)
     square, noise = stage(spreads, go, y, raw.count)
@@ -194,27 +205,30 @@ def prepare(raw: BlockInput, cell: int) -> PreparedBlock:
     G, sums = gram(decay, turn, raw.count, go)
     d = data_sums(y, real, imag, go)
     L = cholesky(listed(G[:4, :4]), go)
-    waves = [jnp.stack(backward(L, forward(L, [d[c, i] for i in range(4)], go), go)) for c in range(2)]
-    offset = mean - jnp.stack([total(waves[c][i] * sums[i] for i in range(4)) for c in range(2)]) / raw.count
+    waves = [jnp.stack(backward(L, forward(L, [d[c, i] for i in range(4)], go), go)) for c in channels]
+    offset = mean - jnp.stack([total(waves[c][i] * sums[i] for i in range(4)) for c in channels]) / raw.count
 
-    volume = jnp.where(jnp.isnan(raw.volume), offset[0], raw.volume)
+    volume = jnp.where(jnp.isnan(raw.volume), offset[raw.volume_at], raw.volume)
     own = raw.gas_pressure * (SPHERE_VOLUME / jnp.maximum(volume, 1e-3)) ** raw.kappa
     pressure = jnp.where(jnp.isnan(raw.volume), own, raw.pressure)
     floor = SMALLEST_NOISE**2 * square
     weight = 1 / jnp.where(jnp.isnan(raw.sigma), jnp.maximum(noise, floor), raw.sigma**2)
-    power = total(weight[c] * square[c] * raw.count for c in range(2))
+    power = total(weight[c] * square[c] * raw.count for c in channels)
     gas, wall = raw.kappa * pressure / volume, raw.area_modulus / (4 * jnp.pi)
-    data = Block(y, mean, power, raw.count, raw.step, weight, gas, wall, volume)
+    data = Block(y, mean, power, raw.count, raw.step, weight, gas, wall, volume, modal=raw.modal)
     if raw.elapsed is not None:
         y, mean = stage(centred, go, raw.uneven, raw.count)
         square, _ = stage(spreads, go, y, raw.count)
         assert raw.noise is not None
         own = jnp.maximum(raw.noise**2, SMALLEST_NOISE**2 * square)
         weight = 1 / jnp.where(jnp.isnan(raw.sigma), own, raw.sigma**2)
-        power = total(weight[c] * square[c] * raw.count for c in range(2))
+        power = total(weight[c] * square[c] * raw.count for c in channels)
         inside = (jnp.arange(y.shape[1])[:, None] < raw.count).astype(float)
-        data = Block(y, mean, power, raw.count, raw.step, weight, gas, wall, volume, raw.elapsed, inside)
-    start = stage(lambda w, s, r: _constants(w, s, r, data, go), go, waves, decay, turn)
+        data = Block(y, mean, power, raw.count, raw.step, weight, gas, wall, volume, raw.elapsed, inside, raw.modal)
+    if raw.modal:
+        start = stage(lambda turn, decay: batch_modal.start(turn, decay, data, low, high), go, turn, decay)
+    else:
+        start = stage(lambda w, s, r: _constants(w, s, r, data, go), go, waves, decay, turn)
     heard = (turn[0] > 0) & (turn[1] < 0.9 * jnp.pi) & jnp.all(jnp.isfinite(start), axis=0)
     return PreparedBlock(data, jnp.where(jnp.isfinite(start), start, 0.0), pressure, heard)
 
@@ -249,8 +263,10 @@ class LaneResult(NamedTuple):
         cost, normal: As in `Look`, at the end.
         status, steps: As in `Search`.
         weight: (channels, block).
-        state: (6, block) ΔV, ΔS and their rates at the first sample, V and S at rest.
+        state: (6, block) ΔV, ΔS and their rates at the first sample, V and S at rest; of the modal loss (5 channels,
+            block) cosine and sine of the slow and of the fast mode of each channel, then all channels at rest.
         omega, rest: (2, block) undamped pulsations; V_e and P_e of the model.
+        slope: (unknowns, 2, block) derivatives of `omega`.
         heard: Whether the start is two modes of the record's.
     """
 
@@ -262,6 +278,7 @@ class LaneResult(NamedTuple):
     weight: Any
     state: Any
     omega: Any
+    slope: Any
     rest: Any
     start: Any
     heard: Any
@@ -279,13 +296,17 @@ def solve(
         high: Upper bounds.
         cell: Samples per cell of the matrix pencil.
     """
-    ready = prepare(raw, cell)
+    ready = prepare(raw, low, high, cell)
     first = jnp.clip(jnp.where(jnp.isnan(start), ready.start, start), low, high)
     search = descend(begin(first, ready.data, look), ready.data, low, high, look)
     go = raw.count[0] >= 0
 
     def read(search, data):
         modes, at = shape(search.unknowns, data), search.look
+        if data.modal:
+            swing = [total(at.linear[4 * c + i] * at.sums[i] for i in range(4)) for c in range(len(data.mean))]
+            rest = [data.mean[c] - part / data.count for c, part in enumerate(swing)]
+            return jnp.concatenate([at.linear, jnp.stack(rest)]), *pulsations(modes)
         cosine, sine = at.linear[0::2], at.linear[1::2]
         rates = modes.damped * sine - modes.rate * cosine
         motion = [total(modes.shapes[c, m] * x[m] for m in range(2)) for x in (cosine, rates) for c in range(2)]
@@ -297,18 +318,20 @@ def solve(
             for c in range(2)
         ]
         rest = [data.mean[c] - swing[c] / data.count for c in range(2)]
-        return jnp.stack([*motion, *rest]), jnp.sqrt(modes.damped**2 + modes.rate**2)
+        return jnp.stack([*motion, *rest]), *pulsations(modes)
 
-    state, omega = stage(read, go, search, ready.data)
-    return found_of(search, ready, first, state, omega)
+    state, omega, slope = stage(read, go, search, ready.data)
+    return found_of(search, ready, first, state, omega, slope)
 
 
-def found_of(search: Search, ready: PreparedBlock, first: jax.Array, state: jax.Array, omega: jax.Array) -> LaneResult:
+def found_of(
+    search: Search, ready: PreparedBlock, first: jax.Array, state: jax.Array, omega: jax.Array, slope: jax.Array
+) -> LaneResult:
     """A search that has ended, with what was read off it."""
     at, rest = search.look, jnp.stack([ready.data.volume, ready.pressure])
     return LaneResult(
-        search.unknowns, at.cost, at.normal, search.status, search.steps, ready.data.weight, state, omega, rest, first,
-        ready.heard,
+        search.unknowns, at.cost, at.normal, search.status, search.steps, ready.data.weight, state, omega, slope, rest,
+        first, ready.heard,
     )  # fmt: skip
 
 

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 PARAMETERS = ("alpha1", "alpha2", "k_vs", "tau", "beta1")
 STATE = ("delta_V", "delta_S", "V_rate", "S_rate", "V_rest", "S_rest")
+WAVES = ("slow_cos", "slow_sin", "fast_cos", "fast_sin")
+OPEN = "alpha1, alpha2, k_vs change together and move neither omega_minus, omega_plus nor tau: fix one of them"
 SINGULAR = 1e-12  # of the scaled normal matrix's eigenvalues: a free direction leaves rounding, 1e-15, there
 
 
@@ -32,7 +34,8 @@ class BatchResult:
         stderr: (rows, 5) standard errors; NaN where there is none, 0 where fixed.
         covariance: (rows, 5, 5).
         omega: (rows, 2) undamped pulsations ω-, ω+.
-        state: (rows, 6) ΔV, ΔS, dV/dt, dS/dt at the first sample; V and S at rest.
+        state: (rows, 6) ΔV, ΔS, dV/dt, dS/dt at the first sample; V and S at rest. Of the modal loss (rows, 5
+            channels): cosine and sine of the slow and of the fast mode of every channel, then every channel at rest.
         rest: (rows, 2) V_e and P_e that the model was given.
         outcome: (rows,) integers of `Outcome`.
         chi_square: (rows,) weighted sum of squares.
@@ -44,7 +47,10 @@ class BatchResult:
         agreeing: (rows,) those of them that ended in the best minimum.
         free_directions: (row, words) for every rank-deficient row.
         absolute: Errors come from given σ; else they are scaled by the reduced χ².
-        memory: (rows, 2) φ of the noise of V and S from sample to sample; 0 where it passes as white.
+        memory: (rows, channels) φ of the noise from sample to sample; 0 where it passes as white.
+        omega_stderr: (rows, 2) standard errors of `omega`.
+        loss: `strict` or `modal`.
+        channels: What was read.
     """
 
     values: np.ndarray
@@ -64,10 +70,14 @@ class BatchResult:
     free_directions: tuple[tuple[int, str], ...]
     absolute: bool
     memory: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
+    omega_stderr: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
+    loss: str = "strict"
+    channels: tuple[str, ...] = ("V", "S")
 
     def __post_init__(self) -> None:
-        if len(self.memory) != len(self.outcome):  # of a file that does not say
-            object.__setattr__(self, "memory", np.zeros((len(self.outcome), 2)))
+        for name, blank in (("memory", 0.0), ("omega_stderr", np.nan)):
+            if len(getattr(self, name)) != len(self.outcome):  # of a file that does not say
+                object.__setattr__(self, name, np.full((len(self.outcome), 2), blank))
 
     @readable
     def __repr__(self) -> str:
@@ -99,9 +109,9 @@ class BatchResult:
 
     def interval(self, name: str, level: float | int = 0.95) -> tuple[np.ndarray, np.ndarray]:
         """A parameter's (rows,) intervals, as `FitResult.interval` gives them: value ± error times Student's factor."""
-        free = np.sum(self.stderr[:, :4] > 0, axis=1)
-        worth = np.sum(self.n_data[:, None] / 2 * (1 - self.memory) / (1 + self.memory), axis=1)
-        factor = scipy.special.stdtrit(np.maximum(worth - 6 - free, 4.0), (1 + level) / 2)
+        free = np.sum(self.stderr[:, :4] != 0, axis=1)
+        worth = np.sum(self.n_data[:, None] / len(self.channels) * (1 - self.memory) / (1 + self.memory), axis=1)
+        factor = scipy.special.stdtrit(np.maximum(worth - self.state.shape[1] - free, 4.0), (1 + level) / 2)
         return self[name] - factor * self.error_of(name), self[name] + factor * self.error_of(name)
 
     def columns(self) -> dict[str, np.ndarray]:
@@ -110,7 +120,9 @@ class BatchResult:
         for i, name in enumerate(PARAMETERS):
             found[name], found[f"{name}_stderr"] = self.values[:, i], self.stderr[:, i]
         found |= {"omega_minus": self.omega[:, 0], "omega_plus": self.omega[:, 1]}
-        found |= {name: self.state[:, i] for i, name in enumerate(STATE)}
+        if self.loss == "modal":
+            found |= {"omega_minus_stderr": self.omega_stderr[:, 0], "omega_plus_stderr": self.omega_stderr[:, 1]}
+        found |= {name: self.state[:, i] for i, name in enumerate(self.state_names)}
         found |= {"V_e": self.rest[:, 0], "P_e": self.rest[:, 1], "chi_square": self.chi_square}
         return found | {
             "n_data": self.n_data,
@@ -119,6 +131,14 @@ class BatchResult:
             "tried": self.tried,
             "agreeing": self.agreeing,
         }
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of the columns of `state`."""
+        if self.loss == "strict":
+            return STATE
+        waves = tuple(f"{channel}_{wave}" for channel in self.channels for wave in WAVES)
+        return waves + tuple(f"{channel}_rest" for channel in self.channels)
 
     def rows(self) -> list[dict[str, object]]:
         """The same, one dictionary per record."""
@@ -164,28 +184,25 @@ class BatchResult:
         return "\n".join(lines)
 
 
-def read(run, fixed: np.ndarray) -> BatchResult:
-    """The table of a batch that has ended.
-
-    Args:
-        run: The batch.
-        fixed: (4,) which unknowns were fixed.
-    """
-    found, rows = run.found, run.rows
+def read(run) -> BatchResult:
+    """The table of a batch that has ended."""
+    found, rows, box, channels = run.found, run.rows, run.box, len(run.channels)
+    told = ("modal" if run.modal else "strict", run.channels)
     outcome = np.full(rows, int(Outcome.UNUSABLE_DATA))
     blank = lambda *shape: np.full((rows, *shape), np.nan)  # noqa: E731
     if found is None:
         none = np.zeros(rows, int)
+        linear = 5 * channels if run.modal else 6
         return BatchResult(
-            blank(5), blank(5), blank(5, 5), blank(2), blank(6), blank(2), outcome, blank(), none, none > 0, blank(4),
-            none, none, none, (), run.absolute,
+            blank(5), blank(5), blank(5, 5), blank(2), blank(linear), blank(2), outcome, blank(), none, none > 0,
+            blank(4), none, none, none, (), run.absolute, np.zeros((rows, channels)), blank(2), *told,
         )  # fmt: skip
     u = found.unknowns
     usable = ~run.unusable & run.buckled
     finite = usable & np.isfinite(found.cost) & np.all(np.isfinite(u), axis=0)
     ended = {CONVERGED: Outcome.OK, RUNNING: Outcome.NOT_CONVERGED}
     outcome = np.array([int(ended.get(int(s), Outcome.STALLED)) for s in found.status])
-    free = ~fixed
+    free = box.free
     at_bound = np.any(((u <= run.low[:, None]) | (u >= run.high[:, None])) & free[:, None], axis=0)
     outcome = np.where((outcome == Outcome.OK) & at_bound, int(Outcome.AT_BOUND), outcome)
     outcome = np.where(finite, outcome, int(Outcome.NOT_FINITE))
@@ -197,23 +214,28 @@ def read(run, fixed: np.ndarray) -> BatchResult:
         tau = np.exp(-u[3])
         wet = run.viscosity > 0
         beta1 = np.where(wet, np.exp(u[0]) / (2 * tau * np.where(wet, run.viscosity, 1.0)), np.nan)
-        values[finite] = np.stack([np.exp(u[0]), np.exp(u[1]), u[2], tau, beta1], axis=1)[finite]
+        values[finite] = np.stack([np.exp(u[0]), np.exp(u[1]), _coupling(u[2], run), tau, beta1], axis=1)[finite]
     normal = np.moveaxis(found.normal, -1, 0)[:, free][:, :, free]
     inverse, deficient = _inverse(np.where(finite[:, None, None], normal, np.eye(int(free.sum()))))
     # autocorrelated noise scales errors by what its whitened residual leaves
     whitened = np.where(np.isnan(run.studied.whitened), found.cost, run.studied.whitened)
-    spread = whitened / np.maximum(2 * run.counts - 6 - free.sum(), 1)
+    linear = len(found.state)
+    spread = whitened / np.maximum(channels * run.counts - linear - np.sum(~box.fixed), 1)
     scale = np.ones(rows) if run.absolute else np.where(finite, spread, np.nan)
 
     # (natural parameters, unknowns): d(alpha1, alpha2, k, tau, beta1)/d(log alpha1, log alpha2, k, log rate)
     slope = np.zeros((rows, 5, 4))
     for i, j, factor in ((0, 0, 0), (1, 1, 1), (3, 3, 3), (4, 0, 4), (4, 3, 4)):
         slope[:, i, j] = values[:, factor] * (-1 if i == 3 else 1)
-    slope[:, 2, 2] = 1.0
-    slope = slope[:, :, free]
     with np.errstate(all="ignore"):
-        covariance = slope @ (inverse * scale[:, None, None]) @ np.swapaxes(slope, 1, 2)
+        # at k_VS = 0, its bound, the square has no slope
+        slope[:, 2, 2] = np.where(values[:, 2] == 0, 1.0, 0.5 / values[:, 2]) if run.modal else 1.0
+        slope = slope[:, :, free]
+        of_unknowns = inverse * scale[:, None, None]
+        covariance = slope @ of_unknowns @ np.swapaxes(slope, 1, 2)
         stderr = np.sqrt(np.einsum("rii->ri", covariance))
+        turning = np.transpose(found.slope, (2, 1, 0))[:, :, free]
+        omega_stderr = np.sqrt(np.einsum("rij,rjk,rik->ri", turning, of_unknowns, turning))
 
     directions = []
     names = tuple(
@@ -223,6 +245,7 @@ def read(run, fixed: np.ndarray) -> BatchResult:
         deficient & np.isin(outcome, (int(Outcome.OK), int(Outcome.AT_BOUND), int(Outcome.STALLED)))
     ):
         outcome[row] = int(Outcome.RANK_DEFICIENT)
+        omega_stderr[row] = np.nan
         size = np.sqrt(np.maximum(np.diag(normal[row]), 1e-300))
         direction = np.linalg.eigh(normal[row] / np.outer(size, size))[1][:, 0] / size
         if 2 in np.flatnonzero(free):
@@ -236,17 +259,33 @@ def read(run, fixed: np.ndarray) -> BatchResult:
         values[row, moved] = np.nan
         if {0, 3} & set(moved.tolist()):
             values[row, 4] = np.nan
+    if box.held:
+        ended_well = np.isin(outcome, (int(Outcome.OK), int(Outcome.AT_BOUND)))
+        outcome[ended_well] = int(Outcome.RANK_DEFICIENT)
+        directions += [(int(row), OPEN) for row in np.flatnonzero(ended_well)]
+        moved = [0, 1, 2, 4]
+        values[:, moved], stderr[:, moved] = np.nan, np.nan
+        covariance[:, moved, :], covariance[:, :, moved] = np.nan, np.nan
     misfit = finite & run.studied.misfit
     ended_well = np.isin(outcome, [int(one) for one in (Outcome.OK, Outcome.AT_BOUND, Outcome.RANK_DEFICIENT)])
     lost = ~(finite & ended_well)  # a search that did not come to rest determines nothing
     values[lost] = np.nan
     hide = lambda x: np.where(lost.reshape(-1, *[1] * (x.ndim - 1)), np.nan, x)  # noqa: E731
-    start = np.stack([np.exp(found.start[0]), np.exp(found.start[1]), found.start[2], np.exp(-found.start[3])], axis=1)
+    begun = found.start
+    start = np.stack([np.exp(begun[0]), np.exp(begun[1]), _coupling(begun[2], run), np.exp(-begun[3])], axis=1)
     return BatchResult(
         values, hide(stderr), hide(covariance), hide(found.omega.T), hide(found.state.T), hide(found.rest.T), outcome,
-        hide(found.cost), 2 * run.counts, misfit, hide(start), found.steps, run.tried, run.agreeing, tuple(directions),
-        run.absolute, run.studied.memory,
+        hide(found.cost), channels * run.counts, misfit, hide(start), found.steps, run.tried, run.agreeing,
+        tuple(directions), run.absolute, run.studied.memory, hide(omega_stderr), *told,
     )  # fmt: skip
+
+
+def _coupling(unknown: np.ndarray, run: Any) -> np.ndarray:
+    """k_VS of what the search sees."""
+    if not run.modal:
+        return unknown
+    size = np.sqrt(np.maximum(unknown, 0.0))
+    return -size if run.box.negative else size
 
 
 def _inverse(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

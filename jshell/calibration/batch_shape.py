@@ -1,6 +1,6 @@
 """A block of traces side by side, and the modes of their shells.
 
-Symbols    u = (log α1, log α2, k_VS, log σ) unknowns   σ = 1/τ   Ω² = ω² - σ²
+Symbols    u = (log α1, log α2, k_VS, log σ) unknowns, of the modal loss k_VS²   σ = 1/τ   Ω² = ω² - σ²
 Valid for  equal decay, both modes underdamped
 Source     Mokbel et al. 2021: eq:eqmovadimV, eq:eqmovadimS, eq:defw
 """
@@ -19,7 +19,7 @@ class Block(eqx.Module):
     """Traces side by side.
 
     Attributes:
-        values: V and S less their means, 0 beyond the record; times are a multiple of INNER.
+        values: Channels less their means, 0 beyond the record; times are a multiple of INNER.
         mean: Their means.
         power: Weighted sum of squares of `values`.
         count: Samples of each record.
@@ -30,6 +30,7 @@ class Block(eqx.Module):
         volume: V_e.
         elapsed: Times of each sample where they are uneven or some are missing, else None.
         inside: 1 for a sample, 0 for none; with `elapsed`.
+        modal: Whether channels have amplitudes of their own; else they are V and S of the oscillator.
     """
 
     values: Float[Array, "channels times block"]
@@ -43,6 +44,7 @@ class Block(eqx.Module):
     volume: Float[Array, " block"]
     elapsed: Any = None
     inside: Any = None
+    modal: bool = eqx.field(static=True, default=False)
 
 
 class Shape(NamedTuple):
@@ -51,7 +53,7 @@ class Shape(NamedTuple):
     Attributes:
         damped: (2, block) Ω.
         rate: σ.
-        shapes: (channels, modes, block) (V_m, S_m), of mass one.
+        shapes: (channels, modes, block) (V_m, S_m), of mass one; 1 where channels have amplitudes of their own.
         damped_slope: (unknowns, modes, block).
         shape_slope: (channels, unknowns, modes, block), less the part along the mode itself.
         sound: Whether both modes turn.
@@ -65,8 +67,10 @@ class Shape(NamedTuple):
     sound: jax.Array
 
 
-def shape(unknowns: Float[Array, "unknowns block"], data: Block) -> Shape:
-    """Modes of given constants, with derivatives by perturbation of M and K."""
+def shape(unknowns: Float[Array, "unknowns block"], data: Any) -> Shape:
+    """Modes of given constants, with derivatives by perturbation of M and K; of the block its shells are read."""
+    if data.modal:
+        return _of_frequencies(unknowns, data)
     alpha1, alpha2, k, rate = jnp.exp(unknowns[0]), jnp.exp(unknowns[1]), unknowns[2], jnp.exp(unknowns[3])
     m1, m2 = alpha1 / (4 * jnp.pi), 2 * alpha2 * data.volume**2 / (9 * jnp.pi**3)
     a, b, c = data.gas / m1, data.wall / m2, k / (data.volume * jnp.sqrt(m1 * m2))
@@ -92,3 +96,32 @@ def shape(unknowns: Float[Array, "unknowns block"], data: Block) -> Shape:
     mixing = cross / jnp.where(sound, apart, 1.0)  # (unknowns, modes, block) of the other mode's shape
     shapes = jnp.stack([V, S])
     return Shape(damped, rate, shapes, own / (2 * damped), mixing[None] * shapes[:, None, ::-1], sound)
+
+
+def _of_frequencies(unknowns: Float[Array, "unknowns block"], data: Any) -> Shape:
+    """The two frequencies of given constants; of each mode every channel has amplitudes of its own."""
+    alpha1, alpha2, k2, rate = jnp.exp(unknowns[0]), jnp.exp(unknowns[1]), unknowns[2], jnp.exp(unknowns[3])
+    m1, m2 = alpha1 / (4 * jnp.pi), 2 * alpha2 * data.volume**2 / (9 * jnp.pi**3)
+    a, b, unit = data.gas / m1, data.wall / m2, 1 / (data.volume**2 * m1 * m2)
+    c2 = k2 * unit
+    gap = jnp.sqrt((a - b) ** 2 / 4 + c2)
+    fast = (a + b) / 2 + gap
+    w2 = jnp.stack([(a * b - c2) / fast, fast])
+    turning = w2 - rate**2
+    sound = (turning[0] > 1e-6 * fast) & (gap > 1e-9 * fast)
+    damped = jnp.sqrt(jnp.where(sound, turning, 1.0))
+
+    # of w² = (a + b)/2 ∓ gap, with both motions alone and their coupling
+    sign, safe = jnp.array([-1.0, 1.0])[:, None], jnp.where(sound, gap, 1.0)
+    half = (a - b) / 4
+    by_a, by_b, by_c = 0.5 + sign * half / safe, 0.5 - sign * half / safe, sign / (2 * safe)
+    own = jnp.stack([-by_a * a - by_c * c2, -by_b * b - by_c * c2, by_c * unit, -2 * jnp.stack([rate**2] * 2)])
+    ones = jnp.ones((len(data.weight), *damped.shape))
+    return Shape(damped, rate, ones, own / (2 * damped), jnp.zeros((len(data.weight), *own.shape)), sound)
+
+
+def pulsations(modes: Shape) -> tuple[jax.Array, jax.Array]:
+    """Undamped (2, block) ω-, ω+, and their derivatives (unknowns, 2, block)."""
+    omega = jnp.sqrt(modes.damped**2 + modes.rate**2)
+    by_rate = jnp.zeros_like(modes.damped_slope).at[3].set(modes.rate**2 * jnp.ones_like(omega))
+    return omega, (modes.damped * modes.damped_slope + by_rate) / omega

@@ -8,7 +8,7 @@ Valid for  as `batch_kernel`; over a gap of m steps φ is φ^m
 Source     geometric sums of z^t, t^k z^t; whitening as `noise`
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -59,8 +59,9 @@ def waves_of(modes: Shape, data: Block) -> tuple[Waves, jax.Array, jax.Array]:
     return Waves(1 / size, cosine, sine, first, G, sums - first), size * cosine, size * sine
 
 
-def basis(modes: Shape, data: Block) -> Float[Array, "9 times block"]:
-    """The eight functions and the constant at every sample, 0 where there is none."""
+def basis(modes: Shape, data: Any, inside: Any = None) -> Float[Array, "9 times block"]:
+    """The eight functions and the constant at every sample, 0 where there is none; `inside` as in `Block`."""
+    inside = data.inside if inside is None else inside
     size = data.values.shape[1]
     decay, turn = modes.rate * data.step, modes.damped * data.step
     if data.elapsed is None:
@@ -76,8 +77,8 @@ def basis(modes: Shape, data: Block) -> Float[Array, "9 times block"]:
         samples = data.elapsed / data.step
         fade = jnp.exp(-decay * samples)
         waves = jnp.stack([fade * wave(turn[m] * samples) for m in range(2) for wave in (jnp.cos, jnp.sin)])
-    waves = waves * data.inside
-    return jnp.concatenate([waves, samples * waves, data.inside[None]])
+    waves = waves * inside
+    return jnp.concatenate([waves, samples * waves, inside[None]])
 
 
 def whitened(rows: jax.Array, memory: jax.Array, inside: jax.Array) -> jax.Array:

@@ -24,6 +24,7 @@ from jshell.signals import ring_down_start
 from jshell.trace import Trace
 
 EXPLAINED = 2.0  # within this factor a memory φ must predict what six differences leave of its noise
+DRIFTS = 0.5  # share of what is left that a cubic in time takes, from which it is called a drift
 HEARD = 50.0  # of one mode, in χ²: a mode fitted to noise alone takes about 20, and 30 once in a thousand
 
 
@@ -53,6 +54,7 @@ def misfits(joint: Joint, r: np.ndarray, cut: list[Trace], noises: list[Noise], 
         level = _noise(one, trace, channel, name)
         if rms <= 1e-5 * scatter:
             continue
+        slow = _drift_in_words(np.asarray(one.elapsed)[used], left)
         more = level is not None and rms > MISFIT * level
         if more and noise.memory > 0 and name not in trace.sigma and _explained(rms, level, noise):
             continue
@@ -60,16 +62,35 @@ def misfits(joint: Joint, r: np.ndarray, cut: list[Trace], noises: list[Noise], 
             texts.append(
                 f"misfit: the {loss} model leaves {100 * rms / scatter:.2g}% of the scatter of {name} "
                 f"[{number + 1}], {rms / max(level or 0.0, 1e-300):.2g} times its noise: it does not describe this "
-                "record, and the errors are too small" + hint
+                "record, and the errors are too small" + slow + hint
             )
         elif noise.coherent:
             what = "turns at one frequency" if noise.peak < noise.envelope else "fades as a motion does"
             texts.append(
                 f"misfit: what the {loss} model leaves of {name} [{number + 1}], {100 * rms / scatter:.2g}% of its "
                 f"scatter, {what}, as noise does once in {1 / max(min(noise.peak, noise.envelope), 1e-99):.0e} "
-                "records: it does not describe this record" + hint
+                "records: it does not describe this record" + slow + hint
             )
     return texts
+
+
+def drift_share(times: np.ndarray, left: np.ndarray) -> float:
+    """Share of a residual's power that a slow drift takes: a cubic in time."""
+    t = 2 * (times - times[0]) / (times[-1] - times[0]) - 1
+    basis = np.linalg.qr(np.polynomial.legendre.legvander(t, 3))[0]
+    power = float(left @ left)
+    return float(np.sum((basis.T @ left) ** 2)) / power if power > 0 else 0.0
+
+
+def _drift_in_words(times: np.ndarray, left: np.ndarray) -> str:
+    """What is said where most of a residual is a drift; else nothing."""
+    share = drift_share(times, left)
+    if share < DRIFTS:
+        return ""
+    return (
+        f"; {100 * share:.0f}% of that is a slow drift, which no shell has: take it off the record "
+        "(jshell analyse --drift line finds it)"
+    )
 
 
 def _size(left: np.ndarray, robust: bool) -> float:

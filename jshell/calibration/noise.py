@@ -115,8 +115,9 @@ def runs_from(above: Any, changes: Any, total: Any) -> Any:
 
 def peak_chance(left: np.ndarray) -> Any:
     """Chance of the largest share that one frequency takes of the power (Fisher's g), along the last axis."""
-    waves = np.fft.rfft(left - left.mean(axis=-1, keepdims=True))[..., 1 : (left.shape[-1] + 1) // 2]
-    power = waves.real**2 + waves.imag**2
+    waves = np.fft.rfft(left)[..., 1 : (left.shape[-1] + 1) // 2]  # without the mean
+    parts = waves.view(waves.real.dtype).reshape(*waves.shape, 2)
+    power = np.einsum("...p,...p->...", parts, parts)
     count, total = power.shape[-1], power.sum(axis=-1)
     if count < 4:
         return np.ones(left.shape[:-1])[()]

@@ -1,4 +1,4 @@
-"""Many records of V and S, as arrays: what a batch fit reads.
+"""Many records as arrays: what a batch fit reads.
 
 Records go together in blocks of one padded length; few lengths serve all, so
 that few programs are compiled.
@@ -17,10 +17,11 @@ import numpy as np
 from jshell.calibration.agreement import holder
 from jshell.calibration.data import conditions_of, with_sigma
 from jshell.calibration.sampling import noise_of, sampling
-from jshell.errors import BadShape, BadValue, RangeWarning
+from jshell.errors import BadName, BadShape, BadValue, RangeWarning
 from jshell.oscillator.simulate import is_buckled
 from jshell.shell.parameters import Reduced
 from jshell.shell.rest import RestState, buckled_state
+from jshell.signals import MEASURED
 from jshell.signals.lanes import BLOCK
 from jshell.signals.wave_sums import INNER
 from jshell.trace import Trace
@@ -29,14 +30,15 @@ FEWEST = 32  # samples of a record
 
 
 class Recordings(eqx.Module):
-    """Records of V and S side by side.
+    """Records side by side.
 
     Args:
         times: (times,) shared by all, or (rows, times); increasing.
-        values: (rows, 2, times) V, then S. NaN marks a missing sample.
+        values: (rows, channels, times). NaN marks a missing sample.
         conditions: Numbers, or (rows,) arrays of numbers.
-        sigma: (rows, 2) standard error per sample of each channel, where known.
+        sigma: (rows, channels) standard error per sample of each channel, where known.
         counts: (rows,) samples of each record; what follows them is not read. None reads all.
+        channels: Their names; V, then S, unless they are said.
 
     Raises:
         BadShape: Arrays that do not fit together.
@@ -47,19 +49,42 @@ class Recordings(eqx.Module):
     conditions: Reduced
     sigma: np.ndarray | jax.Array | None = None
     counts: np.ndarray | jax.Array | None = None
+    channels: tuple[str, ...] = eqx.field(static=True, default=("V", "S"))
 
     def __check_init__(self) -> None:
         shape, times = np.shape(self.values), np.shape(self.times)
-        fits = len(shape) == 3 and shape[1] == 2 and times in ((shape[2],), (shape[0], shape[2]))
+        fits = len(shape) == 3 and shape[1] == len(self.channels) and times in ((shape[2],), (shape[0], shape[2]))
         fits = fits and (self.sigma is None or np.shape(self.sigma) == shape[:2])
         fits = fits and (self.counts is None or np.shape(self.counts) == shape[:1])
         if not fits:
             raise BadShape(
                 "recordings",
                 found=f"times {times}, values {shape}",
-                expected="times (times,) or (rows, times), values (rows, 2, times), sigma (rows, 2), counts (rows,)",
-                remedy="Give V and S of every record, padded to one length; `counts` says how long each is.",
+                expected=f"times (times,) or (rows, times), values (rows, {len(self.channels)}, times), "
+                f"sigma (rows, {len(self.channels)}), counts (rows,)",
+                remedy=f"Give {', '.join(self.channels)} of every record, padded to one length; `counts` says how long "
+                "each is.",
             )
+
+    def of(self, names: tuple[str, ...]) -> "Recordings":
+        """The same with some channels only, in this order.
+
+        Raises:
+            BadName: One that is not there.
+        """
+        if names == self.channels:
+            return self
+        for name in names:
+            if name not in self.channels:
+                raise BadName(
+                    f"channel {name!r}",
+                    found="no such channel",
+                    expected=", ".join(self.channels),
+                    remedy="Say which channels the recordings have: Recordings(…, channels=…).",
+                )
+        at = [self.channels.index(name) for name in names]
+        sigma = None if self.sigma is None else self.sigma[:, at]
+        return Recordings(self.times, self.values[:, at], self.conditions, sigma, self.counts, names)
 
 
 class Bucket(NamedTuple):
@@ -67,12 +92,12 @@ class Bucket(NamedTuple):
 
     Attributes:
         rows: Where each stands among all.
-        values: (rows, 2, times) padded.
+        values: (rows, channels, times) padded.
         counts: (rows,).
         steps: (rows,) time between samples; the mean one where they are uneven.
         elapsed: (rows, times) from each first sample, for uneven records; None for even ones.
-        even: (rows, 2, times) uneven records brought to an even grid; None for even ones.
-        noise: (rows, 2) of uneven records; None for even ones, whose own is found with their fits.
+        even: (rows, channels, times) uneven records brought to an even grid; None for even ones.
+        noise: (rows, channels) of uneven records; None for even ones, whose own is found with their fits.
     """
 
     rows: np.ndarray
@@ -97,23 +122,62 @@ def padded_length(count: int) -> int:
     return INNER * unit * -(-groups // unit)
 
 
-def stacked(traces: Sequence[Trace]) -> Recordings:
+def records_of(
+    traces: Sequence[Trace] | Recordings, loss: str | None, channels: Sequence[str] | None
+) -> tuple[str, Recordings]:
+    """The loss of a batch, and its records with the channels that this reads.
+
+    Raises:
+        BadName: A channel that is missing, or that the strict loss does not know.
+        BadValue: No record.
+    """
+    names = tuple(channels or ())
+    if isinstance(traces, Recordings):
+        there = traces.channels
+    else:
+        traces = list(traces)
+        if not traces:
+            raise BadValue("traces", found="none", expected="at least one trace", remedy="Give a trace.")
+        there = tuple(name for name in traces[0].channels if all(name in one.channels for one in traces))
+    if loss is None:
+        loss = "strict" if (not names and {"V", "S"} <= set(there)) or set(names) == {"V", "S"} else "modal"
+    if loss == "strict":
+        if names and set(names) != {"V", "S"}:
+            raise BadName(
+                "channels",
+                found=", ".join(names),
+                expected="V and S, the oscillator's own coordinates, for the strict loss",
+                remedy='Choose channels=("V", "S"), or loss="modal", which takes any channel.',
+            )
+        names = ("V", "S")
+    names = names or tuple(name for name in there if name in MEASURED) or there
+    if not names:
+        raise BadName("channels", found="none in common", expected="a channel in every trace", remedy="Name some.")
+    return loss, traces.of(names) if isinstance(traces, Recordings) else stacked(traces, names, loss)
+
+
+def stacked(traces: Sequence[Trace], names: tuple[str, ...] = ("V", "S"), loss: str = "strict") -> Recordings:
     """Traces as arrays.
+
+    Args:
+        traces: With conditions.
+        names: Channels to read.
+        loss: How they will be compared.
 
     Raises:
         BadValue: A trace without conditions; σ that changes along a record, or is given for some only.
     """
     longest = max(np.shape(trace.times)[0] for trace in traces)
     times = np.zeros((len(traces), longest))
-    values = np.full((len(traces), 2, longest), np.nan)
+    values = np.full((len(traces), len(names), longest), np.nan)
     counts = np.zeros(len(traces), int)
-    sigma = np.full((len(traces), 2), np.nan)
+    sigma = np.full((len(traces), len(names)), np.nan)
     for i, trace in enumerate(traces):
         conditions_of(trace, i + 1)
-        holder(trace, i + 1, inverted=True)
+        holder(trace, i + 1, inverted=loss == "strict")
         counts[i] = count = np.shape(trace.times)[0]
         times[i, :count] = np.asarray(trace.times)
-        for c, name in enumerate(("V", "S")):
+        for c, name in enumerate(names):
             values[i, c, :count] = np.asarray(trace[name])
             if name in trace.sigma:
                 known = np.unique(np.asarray(trace.sigma[name], dtype=float))
@@ -125,13 +189,15 @@ def stacked(traces: Sequence[Trace]) -> Recordings:
                         remedy="Use fit_trajectories for this trace.",
                     )
                 sigma[i, c] = known[0]
-    absolute = with_sigma(traces, ("V", "S"))
+    absolute = with_sigma(traces, names)
     numbers = [
         np.array([float(getattr(trace.conditions, name)) for trace in traces])
         for name in ("thickness", "gas_pressure", "outer_pressure", "viscosity", "kappa", "poisson_ratio")
     ]
     same = bool(np.all(times == times[0])) and bool(np.all(counts == longest))
-    return Recordings(times[0] if same else times, values, Reduced(*numbers), sigma if absolute else None, counts)
+    return Recordings(
+        times[0] if same else times, values, Reduced(*numbers), sigma if absolute else None, counts, names
+    )
 
 
 def bucketed(records: Recordings) -> tuple[list[Bucket], np.ndarray]:
@@ -185,7 +251,7 @@ def bucketed(records: Recordings) -> tuple[list[Bucket], np.ndarray]:
         t = sampling(t).times
         cut.setdefault(padded_length(t.size), []).append((i, t - t[0], y))
     for size, found in sorted(cut.items()):
-        elapsed, kept, even = np.zeros((len(found), size)), np.zeros((len(found), 2, size)), []
+        elapsed, kept, even = np.zeros((len(found), size)), np.zeros((len(found), values.shape[1], size)), []
         for j, (_, t, y) in enumerate(found):
             elapsed[j, : t.size], kept[j, :, : t.size] = t, y
             grid = np.linspace(0, t[-1], t.size)
@@ -207,8 +273,10 @@ def _plateau(conditions: Reduced) -> RestState:
 
 
 def mean_volumes(records: Recordings) -> np.ndarray:
-    """(rows,) mean of V over the samples that are there; NaN where there are none."""
-    volumes = np.asarray(records.values)[:, 0]
+    """(rows,) mean of V over the samples that are there; NaN where there are none, or no V."""
+    if "V" not in records.channels:
+        return np.full(np.shape(records.values)[0], np.nan)
+    volumes = np.asarray(records.values)[:, records.channels.index("V")]
     there = np.isfinite(volumes)
     if records.counts is not None:
         there = there & (np.arange(volumes.shape[1]) < np.asarray(records.counts)[:, None])
@@ -220,6 +288,13 @@ def rest_states(records: Recordings, equilibrium: str) -> tuple[np.ndarray, np.n
     """V_e, P_e of every record, NaN where the record itself is to tell; and whether the shell is buckled."""
     rows = np.shape(records.values)[0]
     if equilibrium == "trace":
+        if "V" not in records.channels:
+            raise BadName(
+                "equilibrium 'trace'",
+                found="no channel V to read a rest volume from",
+                expected="V among the channels",
+                remedy='Use equilibrium="plateau".',
+            )
         blank = np.full(rows, np.nan)
         return blank, blank, np.ones(rows, bool)
     with warnings.catch_warnings():

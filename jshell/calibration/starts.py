@@ -20,7 +20,7 @@ from jshell.calibration.losses import Problem
 from jshell.calibration.records import Record
 from jshell.oscillator.coefficients import tied_beta2
 from jshell.signals import rates
-from jshell.signals.waves_from_data import in_cells, ladder, sound
+from jshell.signals.waves_from_data import in_cells, model_orders, sound
 
 CLEARLY = 0.9  # of what the pencil's modes leave, below which others are taken instead
 
@@ -81,7 +81,7 @@ def find_modes(elapsed: np.ndarray, data: np.ndarray) -> Modes | None:
         if heard.size > 1:
             best = offer(best, heard[:2])
     cells = in_cells(elapsed, even)
-    pairs = ladder(*cells, most=2)[1]
+    pairs = model_orders(*cells, most=2)[1]
     if pairs and sound(pairs[0], cells[0]):
         best = offer(best, -pairs[0].sigma + 1j * pairs[0].Omega, CLEARLY)
     return best

@@ -166,6 +166,8 @@ def _with_modes(
 ) -> tuple[Findings, Trace]:
     """The findings of a record, and the record as it is kept."""
     ended = Outcome(int(trace.outcome)) if instead is None else instead
+    if ended == Outcome.OK and not all(np.all(np.isfinite(values)) for values in trace.channels.values()):
+        ended = Outcome.NOT_FINITE
     kept: dict[str, Values] = {name: np.asarray(trace[name], dtype=np.float32) for name in CHANNELS}
     trace = Trace(np.asarray(trace.times), kept, trace.conditions)
     reason = "" if ended == Outcome.OK else findings.reason or ended.advice

@@ -10,8 +10,8 @@ import typer
 import jshell
 from jshell.cli import decay as decays
 from jshell.cli.constants import Damped, with_damping
-from jshell.cli.destinations import OutFile, Picture, drawable, traceable
-from jshell.cli.output import Json, finish, log, say, speaking, table
+from jshell.cli.destinations import OutFile, Picture, drawable, traceable, write_finite
+from jshell.cli.output import Json, finish, judged, log, say, speaking, table
 from jshell.cli.problem import Problem, with_conditions
 from jshell.errors import BadValue
 
@@ -49,11 +49,12 @@ def cycle(
     log(f"following {cycles} cycles of {period:g} time units")
     pressure = jshell.oscillator.RaisedCosine(low - rest, high - rest, period)
     found = jshell.oscillator.simulate_regimes(problem.conditions, constants, pressure, times=times, drag=drag)
+    t = found.trace
+    outcome = judged(found.outcome, *t.channels.values())
     if out is not None:
-        t = found.trace
         settings = (*t.settings, *decays.written(decay))
-        written = dataclasses.replace(t, outcome=int(found.outcome), settings=settings, scales=problem.scales)
-        jshell.io.write_trace(out, written)
+        written = dataclasses.replace(t, outcome=int(outcome), settings=settings, scales=problem.scales)
+        write_finite(out, written)
     if plot is not None:
         axes = importlib.import_module("jshell.plot.response").hysteresis(found)
         importlib.import_module("jshell.plot").save(axes.figure, plot)
@@ -61,7 +62,7 @@ def cycle(
     if as_json:
         files = {"out": None if out is None else str(out), "plot": None if plot is None else str(plot)}
         switches = [switch._asdict() for switch in found.switches]
-        say({"outcome": found.outcome, "thresholds": found.thresholds._asdict(), "switches": switches,
+        say({"outcome": outcome, "thresholds": found.thresholds._asdict(), "switches": switches,
              "decay": decay.record(), "steps": steps, **files, "conditions": problem.record()})  # fmt: skip
     else:
         at = found.thresholds
@@ -72,4 +73,4 @@ def cycle(
             rows.append((f"{s.time:.5g}", word, s.outer_pressure, s.volume / np.pi * 0.75))
         typer.echo(table(rows, ("time", "the shell", "at P̂ext", "V/V0")))
         typer.echo(decays.line(decay))
-    finish(found.outcome)
+    finish(outcome)

@@ -2,12 +2,17 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
+import numpy as np
 import typer
 
 import jshell
+from jshell.cli.output import log
 from jshell.errors import BadFile, BadName
+
+if TYPE_CHECKING:
+    from jshell.trace import Trace
 
 PICTURES = (".png", ".pdf", ".svg")  # `plot.style.FORMATS`, which help need not wait for
 
@@ -47,3 +52,19 @@ def traceable(out: Path | None) -> None:
     writable(out, "--out")
     if out is not None:
         jshell.io.check_suffix(out, "--out")
+
+
+def write_finite(out: Path, trace: "Trace", units: str = "reduced") -> None:
+    """Write the samples before the first that is no number; its outcome says that a run ended there.
+
+    Nothing is written, and that is said, where fewer than two samples are numbers.
+    """
+    sound = np.all([np.isfinite(np.asarray(values, dtype=float)) for values in trace.channels.values()], axis=0)
+    kept = sound.size if sound.all() else int(np.argmin(sound))
+    if kept < 2:
+        log(f"nothing written to {out}: the run holds no numbers")
+        return
+    if kept < sound.size:
+        log(f"{out}: the {kept} samples before the first that is no number")
+        trace = trace.between(None, float(np.asarray(trace.times)[kept - 1]))
+    jshell.io.write_trace(out, trace, units=units)

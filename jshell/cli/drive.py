@@ -11,8 +11,8 @@ import typer
 import jshell
 from jshell.cli import decay as decays
 from jshell.cli.constants import Damped, with_damping
-from jshell.cli.destinations import OutFile, Picture, drawable, traceable
-from jshell.cli.output import Json, finish, log, say, speaking, table
+from jshell.cli.destinations import OutFile, Picture, drawable, traceable, write_finite
+from jshell.cli.output import Json, finish, judged, log, say, speaking, table
 from jshell.cli.problem import Problem, with_conditions
 from jshell.errors import BadValue, Outcome, choose
 from jshell.sizes import count_of_samples
@@ -74,7 +74,21 @@ def drive(
     times = _times(problem, constants, omega, duration, every)
     log(f"driving {duration:g} time units at angular frequency {omega:g}")
     found = short.drive(problem.conditions, constants, pressure, times=times, drag=losses)
+    if memory is not None:
+        _tell_of_thick_layer(problem, found)
     _tell(problem, found, found_decay, omega, out, plot, as_json)
+
+
+def _tell_of_thick_layer(problem: Problem, found: "jshell.oscillator.Response") -> None:
+    """What the exact liquid says, where the layer is too thick for its law, which the run has warned of."""
+    limits = importlib.import_module("jshell.oscillator.drive")
+    driven = found.driven
+    if limits.layer_thickness(driven.conditions, driven.coefficients, driven.state) <= limits.THICKEST_LAYER:
+        return
+    exact = jshell.dynamics.modes(problem.conditions, liquid="exact", count=2)
+    for row in exact.table():
+        omega = "overdamped" if row.omega is None else f"omega {row.omega:.4g}"
+        log(f"the exact liquid says: {omega}, tau {'–' if row.tau is None else format(row.tau, '.4g')}")
 
 
 def _times(
@@ -106,12 +120,12 @@ def _tell(
     as_json: bool,
 ) -> None:
     """Write what was asked for, and say the numbers."""
-    outcome = Outcome(int(found.outcome))
     whole = found.trace()
+    outcome = judged(Outcome(int(found.outcome)), *whole.channels.values())
     settings = (*whole.settings, *decays.written(decay))
     trace = dataclasses.replace(whole, outcome=int(outcome), settings=settings, scales=problem.scales)
     if out is not None:
-        jshell.io.write_trace(out, trace)
+        write_finite(out, trace)
     drawing = importlib.import_module("jshell.plot.response")
     if plot is not None:
         importlib.import_module("jshell.plot").save(drawing.answer(found), plot)

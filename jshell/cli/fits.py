@@ -55,6 +55,10 @@ def fit(
     else:
         traces = [jshell.io.read_trace(file, meta=meta, **reading) for file in files or []]
         found = jshell.calibration.fit_trajectories(traces, options=options)
+        for number, (whole, read) in enumerate(zip(traces, found.traces, strict=True), 1):
+            first, last = (float(np.asarray(read.times)[k]) for k in (0, -1))
+            share = f"{len(read.times)} of {len(whole.times)} samples"
+            log(f"trace {number}: read from t = {first:.5g} to {last:.5g}, {share}")
     if save is not None:
         log(f"wrote {found.save(save)}")
     more: dict[str, Any] = {}

@@ -74,6 +74,14 @@ def log(text: str) -> None:
     typer.echo(text, err=True)
 
 
+def judged(outcome: Outcome, *numbers: Any) -> Outcome:
+    """The outcome, which is `not_finite` where it would be ok and one of the numbers is none."""
+    np = importlib.import_module("numpy")
+    if outcome == Outcome.OK and not all(np.all(np.isfinite(np.asarray(part, dtype=float))) for part in numbers):
+        return Outcome.NOT_FINITE
+    return outcome
+
+
 def finish(outcome: Outcome, *, sound: bool = True) -> None:
     """Exit 0 where the outcome is ok and the result sound, else 3 with the advice on stderr."""
     if outcome != Outcome.OK:

@@ -11,7 +11,7 @@ import typer
 import jshell
 from jshell.cli.constants import with_masses
 from jshell.cli.destinations import drawable
-from jshell.cli.output import Json, finish, log, say, speaking, table
+from jshell.cli.output import Json, finish, judged, log, say, speaking, table
 from jshell.cli.problem import Problem, with_conditions
 from jshell.errors import BadValue, Outcome
 
@@ -82,7 +82,7 @@ def rest(
         volume_ratio=volume,
         grading=grading,
     )
-    outcome = Outcome(int(found.outcome))
+    outcome = judged(Outcome(int(found.outcome)), found.volume_ratio, found.area_ratio, found.pressure)
     ok = outcome == Outcome.OK
     numbers: dict[str, Any] = {
         "V_over_V0": found.volume_ratio,

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import Progress
 
 import jshell
-from jshell.cli.destinations import drawable, traceable, writable
+from jshell.cli.destinations import drawable, traceable, writable, write_finite
 from jshell.cli.driving import (
     Bulk,
     Burst,
@@ -29,7 +29,7 @@ from jshell.cli.driving import (
     losses,
     outer_pressure,
 )
-from jshell.cli.output import Json, finish, log, say, speaking, table
+from jshell.cli.output import Json, finish, judged, log, say, speaking, table
 from jshell.cli.problem import Problem, with_conditions
 from jshell.cli.reading import takes_reading
 from jshell.cli.statics import Attached, Elements, Spot, weak_spot
@@ -125,11 +125,11 @@ def simulate(
             **finer,
         )
     trace = made.trace if isinstance(made, jshell.dynamics.Motion) else made
-    trace = dataclasses.replace(trace, scales=problem.scales)
-    jshell.io.write_trace(out, trace, units="si" if units == "si" else "reduced")
+    outcome = judged(Outcome(int(trace.outcome)), *trace.channels.values())
+    trace = dataclasses.replace(trace, scales=problem.scales, outcome=int(outcome))
+    write_finite(out, trace, units="si" if units == "si" else "reduced")
     if isinstance(made, jshell.dynamics.Motion):
         draw(made, film, gif)
-    outcome = Outcome(int(trace.outcome))
     ok = outcome == Outcome.OK
     if ok and not buckled(trace):
         log("warning: no dimple at the end of the run: raise the outer pressure (R snaps at 1.62), or run longer")

@@ -7,6 +7,7 @@ Source     Mokbel et al. 2021: eq:Lag; scattered pressure ρ V̈/(4π r) of a so
 """
 
 import math
+import warnings
 from typing import Any
 
 import equinox as eqx
@@ -17,22 +18,24 @@ from jax.core import Tracer
 from jaxtyping import Array, Float, Int
 
 from jshell import integrator
-from jshell.errors import BadShape, BadValue, NotOk, Outcome, choose
+from jshell.errors import BadShape, BadValue, NotOk, Outcome, RangeWarning, choose
 from jshell.oscillator.coefficients import Coefficients
 from jshell.oscillator.drag import VISCOUS, Drag
 from jshell.oscillator.fixed import DIVERGED, ENDINGS, march
 from jshell.oscillator.lagrangian import gas_energy, kinetic_energy, wall_energy
+from jshell.oscillator.linear import squares
 from jshell.oscillator.motion import Driven, Motion, back_position, front_position, front_velocity
 from jshell.oscillator.simulate import is_buckled, is_uniform
 from jshell.oscillator.unbuckling import unbuckling_volume
 from jshell.pressure import Pressure, Zero
-from jshell.shell.elasticity import SPHERE_VOLUME
+from jshell.shell.elasticity import SPHERE_VOLUME, moduli
 from jshell.shell.parameters import Reduced
 from jshell.shell.rest import RestState, buckled_state
 from jshell.trace import Trace, Values
 
 # Order of accuracy of each solver in fixed steps; rk4 is ours, the rest are diffrax's.
 ORDERS = {"rk4": 4, **integrator.ORDERS}
+THICKEST_LAYER = 0.1  # √(2η̂/ω) up to which the law of a thin layer is off by 15 % in τ at most, as in `modes` [R0]
 _ENDED = np.array([int(ending) for ending in ENDINGS] + [int(Outcome.NOT_CONVERGED), int(Outcome.OK)])
 
 
@@ -212,6 +215,9 @@ def drive(
         BadName: No such solver.
         BadShape, BadValue: Times or steps that are not what they should be; a Reynolds law without viscosity.
 
+    Warns:
+        RangeWarning: A Stokes layer thicker than a tenth of the radius, for which its law is not made.
+
     Source:
         eq:Lag with P_ext(t); drag as `drag` says.
 
@@ -231,9 +237,35 @@ def drive(
         _needs_viscosity(conditions)
 
     state = buckled_state(conditions) if equilibrium is None else equilibrium
+    if drag.layer is not None:
+        _warn_of_thick_layer(layer_thickness(conditions, coefficients, state))
     given = (conditions, coefficients, state, drag, forcing, tuple(initial))
     options = (rtol, atol, adjoint)
     return _run(_as_arrays(given), ts, jnp.asarray(spacing), _substeps(spacing, step), step, solver, options, budget)
+
+
+def layer_thickness(conditions: Reduced, coefficients: Coefficients, state: RestState) -> float:
+    """√(2η̂/ω-), the thickness of the Stokes layer of the slow mode [R0]; NaN where numbers are traced or many."""
+    c = coefficients
+    numbers = (*state, c.alpha1, c.alpha2, c.k_vs, conditions.kappa, conditions.thickness, conditions.poisson_ratio,
+               conditions.viscosity)  # fmt: skip
+    if any(isinstance(x, Tracer) or np.ndim(x) for x in numbers):
+        return math.nan
+    V, P, alpha1, alpha2, k_vs, kappa, thickness, ratio, viscosity = (float(x) for x in numbers)
+    with np.errstate(all="ignore"):
+        slow, _ = squares(V, P, alpha1, alpha2, k_vs**2, kappa, float(moduli(thickness, ratio).area))
+        return float(np.sqrt(2 * viscosity / np.sqrt(slow)))
+
+
+def _warn_of_thick_layer(thickness: float) -> None:
+    """Warn where a layer is too thick for the law of a thin one."""
+    if thickness > THICKEST_LAYER:
+        warnings.warn(
+            f"the Stokes layer of the slow mode is {thickness:.2g} R0 thick, its law is made for less than "
+            f"{THICKEST_LAYER:g}: jshell.dynamics.modes(…, liquid='exact') says what the exact liquid does",
+            RangeWarning,
+            stacklevel=3,
+        )
 
 
 @eqx.filter_jit

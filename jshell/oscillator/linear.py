@@ -50,8 +50,7 @@ def matrices(coefficients: Coefficients, state: RestState, conditions: Reduced) 
     dipole = 2 * dipole_dissipation(c.dipole) * 4 * V**2 / (3 * jnp.pi**2)
     damping = conditions.viscosity * jnp.stack([jnp.asarray(c.beta1 / jnp.pi), c.area_damping * dipole])
 
-    gas = conditions.kappa * P / V
-    coupling = c.k_vs / V
+    gas, coupling = jnp.asarray(conditions.kappa * P / V), jnp.asarray(c.k_vs / V)
     wall = jnp.broadcast_to(jnp.asarray(K_A / (4 * jnp.pi)), gas.shape)
     stiffness = jnp.stack([jnp.stack([gas, coupling]), jnp.stack([coupling, wall])])
     return Matrices(jnp.diag(mass), jnp.diag(damping), stiffness)

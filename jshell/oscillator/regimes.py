@@ -20,6 +20,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
+from jax.core import Tracer
 
 from jshell import integrator
 from jshell.errors import Outcome, choose
@@ -33,7 +34,7 @@ from jshell.oscillator.unbuckling import borne, unbuckling_volume
 from jshell.pressure import Pressure
 from jshell.shell.breathing import radial_acceleration
 from jshell.shell.elasticity import SPHERE_AREA, SPHERE_VOLUME, moduli
-from jshell.shell.parameters import Reduced
+from jshell.shell.parameters import Number, Reduced
 from jshell.shell.rest import RestState, buckled_state, gas_pressure, sphere_state
 from jshell.shell.unbuckling import buckling_volume, wall_pressure
 from jshell.trace import Trace, Values
@@ -54,10 +55,10 @@ class Switch(NamedTuple):
 class Thresholds(NamedTuple):
     """Outer pressures and volumes at which a slowly loaded shell changes state [E d/R0], [R0³]."""
 
-    buckling_pressure: float
-    buckling_volume: float
-    unbuckling_pressure: float
-    unbuckling_volume: float
+    buckling_pressure: float | jax.Array
+    buckling_volume: float | jax.Array
+    unbuckling_pressure: float | jax.Array
+    unbuckling_volume: float | jax.Array
 
 
 class Trajectory(eqx.Module):
@@ -83,7 +84,7 @@ def thresholds(conditions: Reduced, coefficients: Coefficients, equilibrium: Res
     """Where the states of a slowly loaded shell end.
 
     The buckled branch is that of the short model about its rest state; the
-    plateau law alone would unbuckle at `shell.unbuckling.unbuckling_load`.
+    plateau law alone would unbuckle at `shell.unbuckling.unbuckling_load`. Differentiable in all numbers.
     """
     V_b = buckling_volume(conditions)
     R_b = jnp.cbrt(V_b / SPHERE_VOLUME)
@@ -91,7 +92,8 @@ def thresholds(conditions: Reduced, coefficients: Coefficients, equilibrium: Res
     V_u = unbuckling_volume(conditions, coefficients, state)
     out = gas_pressure(V_u, conditions) + borne(V_u, conditions, coefficients, state)
     load = gas_pressure(V_b, conditions) + wall_pressure(R_b, conditions)
-    return Thresholds(float(load), float(V_b), float(out), float(V_u))
+    number = lambda x: x if isinstance(x, Tracer) else float(x)  # noqa: E731
+    return Thresholds(number(load), number(V_b), number(out), number(V_u))
 
 
 def simulate_regimes(
@@ -177,7 +179,7 @@ def simulate_regimes(
 
 
 @eqx.filter_jit
-def _first_state(driven: Driven, regime: int, outer: float) -> tuple[jax.Array, ...]:
+def _first_state(driven: Driven, regime: int, outer: Number) -> tuple[jax.Array, ...]:
     """Leaves of a state at rest under an outer pressure."""
     c = driven.conditions
     loaded = c.replace(outer_pressure=jnp.asarray(outer))

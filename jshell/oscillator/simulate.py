@@ -28,7 +28,7 @@ from jshell.oscillator.linear import (
     uniform_propagator,
 )
 from jshell.shell.elasticity import SPHERE_AREA, SPHERE_VOLUME, buckling_threshold, moduli
-from jshell.shell.parameters import Reduced
+from jshell.shell.parameters import Number, Reduced
 from jshell.shell.rest import RestState, buckled_state, sphere_state
 from jshell.shell.sphere import marmottant_frequency, sphere_frequency_at_load
 from jshell.trace import Trace, Values
@@ -166,7 +166,7 @@ def simulate(
     conditions: Reduced,
     coefficients: Coefficients,
     *,
-    initial: Values | tuple[float, float, float, float],
+    initial: Values | tuple[Number, Number, Number, Number],
     times: Values,
     equilibrium: RestState | None = None,
     solver: str = "exact",

@@ -24,6 +24,7 @@ from jshell.trace import Trace
 CONDITIONS = tuple(CONDITION_FIELDS.values())
 LARGE = ("times", "values")
 FREE = "free_directions"
+PLAIN = (FREE, "absolute", "loss", "channels")  # of a result: all but its columns
 FORMULA = ("=", "+", "-", "@", "\t", "\r")  # how a spreadsheet begins a formula
 
 
@@ -37,7 +38,7 @@ class Batch:
 
 
 def pack(records: Recordings) -> bytes:
-    """Records of V and S as one `.npz`, for an upload."""
+    """Records as one `.npz`, for an upload; it names their channels unless they are V and S."""
     rows = np.shape(records.values)[0]
     arrays = {"times": np.asarray(records.times), "values": np.asarray(records.values)}
     for name in CONDITIONS:
@@ -45,6 +46,8 @@ def pack(records: Recordings) -> bytes:
     for name in ("sigma", "counts"):
         if getattr(records, name) is not None:
             arrays[name] = np.asarray(getattr(records, name))
+    if records.channels != ("V", "S"):
+        arrays["channels"] = np.array(records.channels, dtype=str)
     return archives.pack(arrays)
 
 
@@ -58,11 +61,12 @@ def unpack(content: Content, name: str = "batch.npz") -> Recordings:
     return _records(archives.unpack(content, name), name)
 
 
-def read(files: Sequence[tuple[str, Content]]) -> Batch:
+def read(files: Sequence[tuple[str, Content]], needed: Sequence[str] = ("V", "S")) -> Batch:
     """The traces of uploads.
 
     Args:
         files: Name and bytes of each.
+        needed: Channels that a trace must have.
 
     Raises:
         BadFile: An archive that cannot be read.
@@ -84,7 +88,8 @@ def read(files: Sequence[tuple[str, Content]]) -> Batch:
             made = read_trace(NamedBytes(name, content))
             if made.conditions is None:
                 raise BadFile(name, found="no conditions", expected="a header with them", remedy="Add `# d_hat: …`.")
-            _ = made["V"], made["S"]  # refused here where it has none
+            for channel in needed:
+                _ = made[channel]  # refused here where it has none
             traces.append(made)
         except JshellError as error:
             refused[row] = error
@@ -132,7 +137,9 @@ def unpack_result(content: bytes, name: str = "record.npz") -> BatchResult:
     try:
         directions = zip(arrays.pop("free_rows").tolist(), arrays.pop("free_words").tolist(), strict=True)
         absolute = bool(arrays.pop("absolute"))
-        return BatchResult(**arrays, free_directions=tuple(directions), absolute=absolute)  # pyright: ignore
+        told = {"loss": str(arrays.pop("loss"))} if "loss" in arrays else {}
+        told |= {"channels": tuple(arrays.pop("channels").tolist())} if "channels" in arrays else {}
+        return BatchResult(**arrays, **told, free_directions=tuple(directions), absolute=absolute)  # pyright: ignore
     except (KeyError, TypeError, ValueError) as error:
         raise BadFile(name, found=str(error), expected="the record of a batch", remedy="Download it again.") from None
 
@@ -185,4 +192,7 @@ def _records(arrays: Mapping[str, np.ndarray], name: str) -> Recordings:
             remedy="Write it with jshell.service.batches.pack.",
         )
     conditions = Reduced(*(arrays[key] for key in CONDITIONS))
-    return Recordings(arrays["times"], arrays["values"], conditions, arrays.get("sigma"), arrays.get("counts"))
+    channels = tuple(arrays["channels"].tolist()) if "channels" in arrays else ("V", "S")
+    return Recordings(
+        arrays["times"], arrays["values"], conditions, arrays.get("sigma"), arrays.get("counts"), channels
+    )

@@ -14,7 +14,7 @@ import numpy as np
 
 from jshell.calibration import BatchResult, Recordings
 from jshell.service import archives
-from jshell.service.batches import CONDITIONS, pack
+from jshell.service.batches import CONDITIONS, PLAIN, pack
 from jshell.shell import Reduced
 
 STEP = 1024  # records that the fit takes at once: a chunk is a multiple of them
@@ -108,6 +108,7 @@ def chosen(whole: Whole, rows: np.ndarray) -> Whole:
         Reduced(*(values[at] for values in conditions)),
         of(whole.sigma),
         of(whole.counts),
+        whole.channels,
     )
 
 
@@ -140,4 +141,4 @@ def placed(found: BatchResult, rows: np.ndarray, again: BatchResult) -> BatchRes
 
 
 def _columns() -> list[str]:
-    return [field.name for field in fields(BatchResult) if field.name not in ("free_directions", "absolute")]
+    return [field.name for field in fields(BatchResult) if field.name not in PLAIN]

@@ -117,6 +117,9 @@ class FitRequest(Options):
 class BatchOptions(Wire):
     """The options of `jshell.calibration.fit_batch`."""
 
+    loss: Literal["strict", "modal"] | None = None
+    channels: list[Text] | None = Field(None, min_length=1, max_length=20)
+    noise: Literal["auto", "white"] = "auto"
     solver: Literal["exact", "diffrax"] = "exact"
     equilibrium: Literal["plateau", "trace"] = "plateau"
     fix: dict[Literal["alpha1", "alpha2", "k_vs", "tau"], Number] = Field(default_factory=dict)

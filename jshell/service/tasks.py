@@ -33,7 +33,7 @@ from jshell.shell import Reduced
 from jshell.trace import Trace
 
 FIT_MORE = ("conditions", "profile", "netcdf")  # of a job beside the options of the fit
-BATCH = ("solver", "equilibrium", "fix", "bounds", "starts", "seed")
+BATCH = ("loss", "channels", "noise", "solver", "equilibrium", "fix", "bounds", "starts", "seed")
 SIMULATOR = (
     "duration", "every", "ramp", "elements", "attached", "shell_density", "step", "follow", "tolerance", "netcdf",
 )  # fmt: skip
@@ -135,7 +135,8 @@ def batch(specification: Mapping[str, Any], files: Files) -> dict[str, bytes]:
     check_names(specification, BATCH)
     asked = dict(specification)
     asked["bounds"] = {name: _limits(pair) for name, pair in (asked.pop("bounds", None) or {}).items()}
-    records = batches.read(files)
+    usual = () if asked.get("loss") == "modal" else ("V", "S")
+    records = batches.read(files, asked.get("channels") or usual)
     found = batches.fitted(records, asked)
     return {"record.npz": batches.pack_result(found, records.names)}
 

@@ -12,4 +12,4 @@ __all__ = [
     "ring_down_start",
 ]  # fmt: skip
 
-__getattr__ = renamed(__name__, {"verdict": "jshell.signals.judgement:by_share"})
+__getattr__ = renamed(__name__, {"verdict": "jshell.signals.model_selection:by_share"})

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from jshell.signals.leftover import Leftover, examine
 from jshell.signals.pencil import rates
+from jshell.signals.residual import Residual, examine
 from jshell.signals.waves import STEPS, Ending, Model, look, search
-from jshell.signals.waves_from_data import followed, ladder, refitted, start_with, starts_of
+from jshell.signals.waves_from_data import followed, model_orders, refitted, start_with, starts_of
 
 TERM = 25.0  # of χ², for a term with one or two numbers: five standard errors
 HEARD = 25.0  # of χ², for a mode; beside twice the logarithm of the samples, for the frequencies it could have had
@@ -42,7 +42,7 @@ class Alternative:
     ending: Ending
     gain: float
     needed: float
-    noise: tuple[Leftover, ...]
+    noise: tuple[Residual, ...]
 
     @property
     def describes(self) -> bool:
@@ -59,13 +59,13 @@ def of_mode(samples: int, channels: int) -> float:
     return HEARD + 2 * np.log(samples) + 3 * (channels - 1)
 
 
-def chi_square(noise: Sequence[Leftover], values: np.ndarray, ending: Ending, elapsed: np.ndarray) -> float:
+def chi_square(noise: Sequence[Residual], values: np.ndarray, ending: Ending, elapsed: np.ndarray) -> float:
     """χ² of what a fit leaves of all channels."""
     left = values - ending.curve(elapsed)
     return sum(one.chi_square(row) for one, row in zip(noise, left, strict=True))
 
 
-def leftovers(values: np.ndarray, ending: Ending, elapsed: np.ndarray) -> tuple[Leftover, ...]:
+def residuals(values: np.ndarray, ending: Ending, elapsed: np.ndarray) -> tuple[Residual, ...]:
     """The noise of every channel under a fit."""
     left = values - ending.curve(elapsed)
     return tuple(examine(row, ending.linear.shape[0] + ending.unknowns.size) for row in left)
@@ -73,7 +73,7 @@ def leftovers(values: np.ndarray, ending: Ending, elapsed: np.ndarray) -> tuple[
 
 def tried(
     base: Ending,
-    noise: Sequence[Leftover],
+    noise: Sequence[Residual],
     elapsed: Float[np.ndarray, "times"],
     values: Float[np.ndarray, "channels times"],
     further: Ending | None,
@@ -97,7 +97,7 @@ def tried(
     long = any(one.memory > LONG for one in noise)
 
     def weigh(kind: str, ending: Ending, needed: float) -> None:
-        own = leftovers(values, ending, elapsed)
+        own = residuals(values, ending, elapsed)
         gain = before - chi_square(noise, values, ending, elapsed)
         if long:
             gain = sum(one.cost for one in noise) - sum(one.cost for one in own)
@@ -113,7 +113,7 @@ def tried(
     if (moves or long) and not any(one.describes and one.significant for one in found):
         if base.model.drift == "constant":
             for drift in DRIFTING:
-                endings = ladder(elapsed, values, drift, most=base.model.modes)[-1]
+                endings = model_orders(elapsed, values, drift, most=base.model.modes)[-1]
                 if endings:
                     weigh(drift, endings[0], TERM)
         if not any(one.describes and one.significant for one in found):

@@ -22,9 +22,10 @@ from jaxtyping import Array, Float
 
 from jshell.errors import BadShape, BadValue, Outcome
 from jshell.signals.lane_search import CONVERGED, RUNNING, Look, begin, descend
-from jshell.signals.lanes import BLOCK, backward, centred, cholesky, forward, lanewise, listed, spreads, stage, total
+from jshell.signals.lanes import BLOCK, centred, lanewise, spreads, stage, total
 from jshell.signals.pencil import rates
 from jshell.signals.pencil_batch import CELLS, poles
+from jshell.signals.two_waves import explained
 from jshell.signals.wave_sums import INNER, data_sums, gram
 
 TOGETHER = 16
@@ -32,7 +33,7 @@ ROUNDS = 12
 FEWEST = 32
 CLOSEST = 0.5  # modes nearer than this over τ are one mode
 CARE = 256  # at most so many records that end badly are tried again one by one
-MISFIT = 2.25  # what is left over the noise, squared, from which a record is tried again
+MISFIT = 2.25  # what is left over the noise, squared, from which a record is tried again, and not described
 
 
 @dataclass(frozen=True)
@@ -48,6 +49,7 @@ class Pairs:
         offset: (rows,) rest values.
         residual: (rows,) rms of what is left over rms of the signal about its offset.
         outcome: (rows,) integers of `Outcome`: ok, not_converged or unusable_data.
+        noise_ratio: (rows,) rms of what is left over the noise that sixth differences show.
     """
 
     omega: np.ndarray
@@ -58,6 +60,15 @@ class Pairs:
     offset: np.ndarray
     residual: np.ndarray
     outcome: np.ndarray
+    noise_ratio: np.ndarray
+
+    @property
+    def described(self) -> np.ndarray:
+        """(rows,) whether two modes are found and leave no more than half again the noise.
+
+        Others hold more modes, a drift, decays of their own, or noise that remembers: `extract` says which.
+        """
+        return (self.outcome == Outcome.OK) & (self.noise_ratio**2 < MISFIT)
 
 
 class Records(NamedTuple):
@@ -80,34 +91,10 @@ def look(logs: Float[Array, "3 block"], data: Records) -> Look:
     turn, decay, real, imag = stage(roots, go, logs)
     d = data_sums(data.values, real, imag, go)[0]
     G, sums = gram(decay, turn, data.count, go)
-    L = cholesky(listed(G[:4, :4]), go)
-    half = forward(L, [d[i] for i in range(4)], go)
-    C = backward(L, half, go)
-    cost = data.power - total(x * x for x in half)
-
-    def tangents(C, turn, decay):
-        zero = jnp.zeros_like(decay)
-        slow, fast = [C[1] * turn[0], -C[0] * turn[0]], [C[3] * turn[1], -C[2] * turn[1]]
-        return jnp.stack([*slow, zero, zero, zero, zero, *fast, *(-c * decay for c in C)]).reshape(3, 4, -1)
-
-    X = stage(tangents, go, C, turn, decay)
-
-    def products(G, X):
-        return total(X[:, j, None] * G[4 + j, 4:] for j in range(4)), total(
-            X[:, j, None] * G[4 + j, :4] for j in range(4)
-        )
-
-    GX, mixed = stage(products, go, G, X)
-    U = forward(L, [mixed[:, j] for j in range(4)], go)
-
-    def sums_of(X, GX, mixed, U, C):
-        gradient = total(X[:, j] * d[4 + j] - mixed[:, j] * C[j] for j in range(4))
-        straight = total(X[:, None, j] * GX[None, :, j] for j in range(4))
-        return gradient, straight - total(U[j][:, None] * U[j][None, :] for j in range(4)), jnp.stack(C)
-
-    gradient, normal, best = stage(sums_of, go, X, GX, mixed, U, C)
+    found = explained(turn, decay, d, G, go)
+    cost = data.power - found.power
     sound = jnp.isfinite(cost) & (turn[1] < jnp.pi) & (decay < 3.0)
-    return Look(jnp.where(sound, cost, jnp.inf), gradient, normal, best, sums)
+    return Look(jnp.where(sound, cost, jnp.inf), found.gradient, found.normal, found.amplitudes, sums)
 
 
 class Ending(NamedTuple):
@@ -195,12 +182,17 @@ def extract_batch(
 
     found = _rounds(data, n, np.arange(rows), np.full((3, rows), np.nan), ~usable)
     with np.errstate(all="ignore"):
-        left = found.cost / np.maximum(n - 8, 1) / np.maximum(found.noise, 1e-8 * found.square)
+        left = _left(found, n)
     again = usable & ((found.status != CONVERGED) | ~(left < MISFIT))
     if 0 < again.sum() <= CARE:
         _with_care(found, data, n, np.flatnonzero(again))
     with np.errstate(all="ignore"):  # rows that failed hold anything; they are hidden below
         return _read(found, n, steps, usable)
+
+
+def _left(found: Ending, n: np.ndarray) -> np.ndarray:
+    """(rows,) what is left over the noise, squared."""
+    return found.cost / np.maximum(n - 8, 1) / np.maximum(found.noise, 1e-8 * found.square)
 
 
 def _rounds(data, n, chosen, starts, hopeless) -> Ending:
@@ -281,9 +273,10 @@ def _read(found: Ending, n: np.ndarray, steps: np.ndarray, usable: np.ndarray) -
         amplitude = np.hypot(found.linear[0::2], found.linear[1::2])
         phase = np.arctan2(-found.linear[1::2], found.linear[0::2])
         residual = np.sqrt(found.cost / n / np.maximum(found.square, 1e-300))
+        left = np.sqrt(_left(found, n))
     hide = lambda x: np.where(good.reshape(-1, *[1] * (x.ndim - 1)), x, np.nan)  # noqa: E731
     sort = lambda x: np.take_along_axis(x, order, axis=0).T  # noqa: E731
     return Pairs(
         hide(omega.T), hide(steps / decay), hide(stderr), hide(sort(amplitude)), hide(sort(phase)), hide(found.offset),
-        hide(residual), outcome,
+        hide(residual), outcome, hide(left),
     )  # fmt: skip

@@ -12,13 +12,13 @@ import numpy as np
 
 from jshell.display import FREQUENCY, TIME, ended, number, readable, shown
 from jshell.errors import BadName, BadValue, NotOk, Outcome, choose
-from jshell.signals.alternatives import TERM, chi_square, leftovers
-from jshell.signals.blemishes import blemishes
+from jshell.signals.alternatives import TERM, chi_square, residuals
 from jshell.signals.damped_pair import DampedModes, comparable, damped_modes
-from jshell.signals.judgement import Judgement, judge
+from jshell.signals.model_selection import Judgement, judge
+from jshell.signals.sample_faults import sample_faults
 from jshell.signals.snap import dip, ring_down_start
 from jshell.signals.waves import DRIFTS, Ending, linear_part, measured, search
-from jshell.signals.waves_from_data import in_cells, ladder, sound
+from jshell.signals.waves_from_data import in_cells, model_orders, sound
 from jshell.trace import Trace
 
 FEWEST_SAMPLES = 32
@@ -205,7 +205,7 @@ def extract(
     drift, fits = _fits(*cells, drift)
     if not fits[0]:
         return ended("no oscillation is found in the window")
-    marks = [blemishes(row) for row in data]
+    marks = [sample_faults(row) for row in data]
     steps = np.array([mark.step for mark in marks]) / scale
     found = judge(fits, *cells, names, marks, window[0], steps=steps)
     if found.word is None:
@@ -222,7 +222,7 @@ def extract(
         endings = [measured(one, elapsed, even) for one in endings]
         place = found.ending.model.modes - 1
         endings[place] = search(endings[place].model, elapsed, even, endings[place].unknowns)
-        found = replace(found, ending=endings[place], noise=leftovers(even, endings[place], elapsed))
+        found = replace(found, ending=endings[place], noise=residuals(even, endings[place], elapsed))
     every = tuple(damped_modes(one, elapsed, even, mean, scale) for one in endings)
     best = every[found.ending.model.modes - 1]
     errors = best.errors * _wider(found, float(np.median(np.diff(elapsed))))
@@ -276,12 +276,12 @@ def _chosen(trace: Trace, channel: str | Sequence[str] | None) -> tuple[str, ...
 def _fits(elapsed: np.ndarray, values: np.ndarray, drift: str) -> tuple[str, list[list[Ending]]]:
     """Fits with one, two and three modes, and the drift they were made with."""
     if drift != "auto":
-        return drift, ladder(elapsed, values, drift)
-    tries = {kind: ladder(elapsed, values, kind) for kind in ("constant", "line", "exponential")}
+        return drift, model_orders(elapsed, values, drift)
+    tries = {kind: model_orders(elapsed, values, kind) for kind in ("constant", "line", "exponential")}
     if not all(fits[0] for fits in tries.values()):
         return "constant", tries["constant"]
     richest = min((fits[1][0] for fits in tries.values()), key=lambda ending: ending.power)
-    noise = leftovers(values, richest, elapsed)
+    noise = residuals(values, richest, elapsed)
     chi = {kind: chi_square(noise, values, fits[1][0], elapsed) for kind, fits in tries.items()}
     good = {kind: chi[kind] if sound(fits[1][0], elapsed) else np.inf for kind, fits in tries.items()}
     if not np.isfinite(good["constant"]) and chi["constant"] - min(chi.values()) < TERM:

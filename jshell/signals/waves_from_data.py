@@ -27,7 +27,7 @@ CLOSEST = 0.5  # modes nearer than this over τ must be told apart by their erro
 APART = 4.0  # standard errors that they must lie apart then
 
 
-def ladder(
+def model_orders(
     elapsed: Float[np.ndarray, "times"],
     values: Float[np.ndarray, "channels times"],
     drift: str = "constant",

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from jshell.calibration import FitWarning, fit_trajectories
+from jshell.calibration.misfit import DRIFTS, drift_share
 from jshell.calibration.noise import estimate_memory, examine, lag_one, remembered, runs, steps_between, whiten
-from jshell.oscillator import simulate
+from jshell.oscillator import random_shell, random_trace, simulate
 from jshell.trace import Trace
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
@@ -93,3 +94,20 @@ def test_two_thousand_intervals_hold_the_truth_as_often_as_they_say(memory, low,
     share, lost, _ = coverage(memory, 2000)
     assert lost == 0
     assert np.all((share > low) & (share < high)), share
+
+
+@pytest.mark.parametrize("shape", ["line", "fading", "wave", "noise"])
+def test_a_drift_is_told_from_waves_and_noise(shape):
+    t = np.linspace(0.0, 40.0, 400)
+    noise = 0.2 * np.random.default_rng(0).standard_normal(t.size)
+    left = {"line": t / 40 - 0.5, "fading": np.exp(-t / 15) - 0.35, "wave": np.cos(0.9 * t), "noise": 0 * t}[shape]
+    assert (drift_share(t, left + noise) > DRIFTS) == (shape in ("line", "fading"))
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::jshell.calibration.FitWarning", "ignore::jshell.errors.RangeWarning")
+def test_a_fit_of_a_record_that_drifts_says_so():
+    clean = random_trace(random_shell(0), 0)
+    V = np.asarray(clean["V"]) * (1 + 0.004 * np.asarray(clean.times))
+    found = fit_trajectories(Trace(clean.times, {"V": V, "S": clean["S"]}, clean.conditions), starts=0)
+    assert any(text.startswith("misfit") and "slow drift" in text for text in found.warnings)

@@ -11,8 +11,9 @@ from jshell import io
 from jshell.cli.constants import BETA1, damped
 from jshell.cli.decay import decay, line, written
 from jshell.cli.main import app
+from jshell.cli.output import judged
 from jshell.cli.problem import conditions
-from jshell.errors import BadValue
+from jshell.errors import BadValue, Outcome
 from jshell.oscillator import fitted_decay_time
 
 SHELL = ["--d-hat", "0.08", "--p0-hat", "0.9", "--pext-hat", "1.2", "--eta-hat", "0.02"]
@@ -179,3 +180,37 @@ def test_the_next_experiment_is_ranked_and_drawn(tmp_path):
     assert told["best"]["d_hat"] == 0.2
     assert png.stat().st_size > 5_000
     assert "--next" in _refused("sensitivity", *SHELL, "--next", "0.1,0.9")
+
+
+@pytest.mark.parametrize("at", [0, 30])
+def test_a_number_that_is_none_is_an_outcome_and_never_in_a_file_under_ok(tmp_path, monkeypatch, at):
+    import numpy as np
+
+    from jshell.dynamics import simulate
+    from jshell.trace import Trace
+
+    def broken(conditions, **asked):
+        values = np.linspace(3.0, 2.5, 40)
+        values[at] = np.nan
+        return Trace(0.5 * np.arange(40.0), {"V": values, "S": np.full(40, 12.5)}, conditions)
+
+    monkeypatch.setattr("jshell.dynamics.simulate", broken)
+    assert simulate is not broken
+    path = tmp_path / "a.csv"
+    code, told = _asked("simulate", *SHELL, "--duration", "20", "--out", str(path))
+    assert (code, told["outcome"]) == (3, "not_finite")
+    assert path.exists() == (at > 0)
+    if at:
+        kept = io.read_trace(path)
+        assert (int(kept.outcome), len(kept.times)) == (Outcome.NOT_FINITE, at)
+    assert judged(Outcome.CONTACT, np.nan) == Outcome.CONTACT
+    assert judged(Outcome.OK, np.ones(2), 1.0) == Outcome.OK
+    assert "fit" in Outcome.NOT_FINITE.advice
+
+
+@pytest.mark.slow
+def test_a_thick_layer_is_said_beside_what_the_exact_liquid_does():
+    asked = [*SHELL[:-1], "0.1", "--layer", "1", "--amplitude", "0.005", "--duration", "20", "--every", "0.5"]
+    told = CliRunner().invoke(app, ["drive", *asked]).stderr
+    assert "R0 thick" in told
+    assert "the exact liquid says: omega" in told

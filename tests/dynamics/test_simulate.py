@@ -11,6 +11,7 @@ from scipy.optimize import least_squares
 
 from jshell.dynamics import LONGEST_STEP, simulate
 from jshell.errors import BadShape, BadValue, NotOk, Outcome
+from jshell.membrane import rest
 from jshell.shell import SPHERE_AREA, SPHERE_VOLUME
 from jshell.signals import extract
 
@@ -289,3 +290,16 @@ def test_a_bad_option_is_refused(options, named, R):
 def test_a_displacement_of_the_wrong_length_is_refused(rest_R, R):
     with pytest.raises(BadShape, match="coordinate"):
         simulate(R, start=rest_R, displacement=jnp.zeros(3), stokes_frequency=1.2)
+
+
+def test_a_run_ends_where_the_wall_touches_itself(make_problem):
+    """A thick buckled shell, pushed at twice the load that it rests under: its poles meet."""
+    problem = make_problem(0.3, 0.9, 2.0, 1e-4)
+    start = rest(problem, elements=16)
+    pushed = np.array([0.0, 0.2, 9.0]), np.array([2.0, 4.0, 4.0])
+    trace = simulate(problem, start=start, pressure=pushed, duration=1.0, elements=16, stokes_frequency=1.2)
+    assert Outcome(int(trace.outcome)) == Outcome.CONTACT
+    room = np.asarray(trace["x_front"]) - np.asarray(trace["x_back"]) - 0.3
+    assert 2 < len(room) < 21
+    assert np.all(room[:-1] > 0)
+    assert 0 < room[-1] < 0.25 * room[0]

@@ -1,11 +1,15 @@
 """Shells from thin to thick, spheres about any rest volume, and two hundred at random."""
 
+import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
 import jshell as js
-from jshell.dynamics import NO_LOSSES, simulate, swell
+from jshell.contour import clearance, regrade
+from jshell.dynamics import NO_LOSSES, record, simulate, swell
 from jshell.errors import Outcome
 from jshell.membrane import buckling_eigenvalue, plateau_pressure, rest
 from jshell.shell.sphere import sphere_frequency_at_load
@@ -67,14 +71,25 @@ def test_a_breathing_sphere_has_the_frequency_of_eq_wsphere(d, gas, outer):
     assert 2 * np.pi / period == pytest.approx(float(sphere_frequency_at_load(problem)), rel=3e-3)
 
 
-def test_nothing_returned_as_ok_is_not_finite():
+@eqx.filter_jit
+def room_of(shape, nodes, coordinates, thickness):
+    """(samples,) least free space between places of the wall that face each other."""
+    one = lambda given: clearance(regrade(shape, given[0]), given[1], thickness)  # noqa: E731
+    return jax.lax.map(one, (nodes, coordinates))
+
+
+def test_nothing_returned_as_ok_is_not_finite_or_passes_through_itself():
     ends = []
     for seed in range(200):
         rng = np.random.default_rng(seed)
         d, gas, eta = (float(np.exp(rng.uniform(*np.log(ends)))) for ends in ((0.04, 0.3), (0.2, 5.0), (1e-4, 1.0)))
         outer = float(rng.uniform(0.9, 1.3)) * (gas + 4 * d / 3)
-        trace = simulate(js.Reduced(d, gas, outer, eta), elements=24, step=1 / 40, duration=50.0, follow=True)
+        motion = record(js.Reduced(d, gas, outer, eta), elements=24, step=1 / 40, duration=50.0, follow=True)
+        trace, shape = motion.trace, motion.setup.shape
         outcome = Outcome(int(trace.outcome))
+        if outcome == Outcome.OK:
+            thickness = jnp.full(shape.at_points(motion.coordinates[0]).x.shape, d)
+            assert np.min(np.asarray(room_of(shape, motion.nodes, motion.coordinates, thickness))) > 0, seed
         assert all(np.all(np.isfinite(np.asarray(trace[name]))) for name in trace.channels), seed
         assert outcome in (Outcome.OK, Outcome.CONTACT, Outcome.MESH), seed
         ends.append(outcome)

@@ -10,7 +10,8 @@ from jshell.errors import BadName, BadShape, BadValue, NotOk, Outcome
 from jshell.memory import half_derivative
 from jshell.oscillator import Drag, Reynolds, StokesLayer, Tone, drive, harmonics, simulate
 from jshell.oscillator.coefficients import Coefficients
-from jshell.oscillator.drive import ORDERS
+from jshell.oscillator.drive import ORDERS, _warn_of_thick_layer, layer_thickness
+from jshell.oscillator.linear import squared_frequencies
 from jshell.oscillator.spectrum import spectrum
 from jshell.shell.rest import buckled_state
 
@@ -56,6 +57,7 @@ def test_energy_less_all_work_is_kept(driven_run):
     assert float(driven_run.motion.lost[-1]) < 0 < float(driven_run.motion.gained[-1])
 
 
+@pytest.mark.filterwarnings("ignore:the Stokes layer")  # 0.2 R0 thick: energy is kept nevertheless
 def test_energy_is_kept_whatever_the_drag(shell, constants):
     """Everything at once, in fixed steps: layer, wall, sound and a quasi-steady Reynolds law."""
     drag = Drag(
@@ -210,3 +212,15 @@ def test_wrong_requests_are_refused(shell, constants):
         drive(shell, constants, Tone(jnp.ones(3), 1.0), times=TIMES)
     with pytest.raises(BadValue, match="step"):
         drive(shell, constants, times=TIMES, solver="rk4", step=-1.0)
+
+
+@pytest.mark.parametrize(("viscosity", "thick"), [(1e-3, False), (2e-3, False), (0.02, True), (0.1, True)])
+def test_a_layer_too_thick_for_its_law_is_said(viscosity, thick, shell, constants, recwarn):
+    conditions = shell.replace(viscosity=viscosity)
+    state = buckled_state(conditions)
+    slow = np.sqrt(float(squared_frequencies(*state, constants.alpha1, constants.alpha2, constants.k_vs)[0]))
+    found = layer_thickness(conditions, constants, state)
+    assert found == pytest.approx(np.sqrt(2 * viscosity / slow), rel=1e-12)
+    _warn_of_thick_layer(found)
+    assert [f"{found:.2g} R0 thick" in str(one.message) for one in recwarn] == [True] * thick
+    assert np.isnan(layer_thickness(shell.replace(viscosity=np.ones(2)), constants, state))

@@ -181,6 +181,17 @@ def test_an_upload_of_arrays_is_a_batch(short):
     assert batches.table(answer.files["record.npz"]).decode().splitlines()[1].startswith("1,unusable_data,nan")
 
 
+def test_a_batch_of_other_channels_travels_with_their_names(short):
+    values, sigma = np.asarray(short.values)[:, :1], np.full((2, 1), 0.1)
+    heights = Recordings(short.times, values, short.conditions, sigma, short.counts, ("H",))
+    answer = tasks.run("batch", {"channels": ["H"], "noise": "white"}, [("many.npz", batches.pack(heights))])
+    found = batches.unpack_result(answer.files["record.npz"])
+    assert (found.loss, found.channels) == ("modal", ("H",))
+    assert "H_slow_cos" in batches.table(answer.files["record.npz"]).decode()
+    assert chunks.chosen(heights, np.array([1])).channels == ("H",)
+    assert tasks.run("batch", {"loss": "strict"}, [("many.npz", batches.pack(heights))]).error is not None
+
+
 def same(found: BatchResult, expected: BatchResult) -> None:
     for name in BatchResult.__dataclass_fields__:
         np.testing.assert_array_equal(getattr(found, name), getattr(expected, name), err_msg=name)

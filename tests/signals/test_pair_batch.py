@@ -42,9 +42,11 @@ def test_rows_agree_with_the_single_extraction_and_the_truth():
 def test_lengths_may_differ_and_padding_is_not_read():
     values, omega, _ = _records(20)
     values[1, 300:] = np.nan
+    values[2] += 0.1 * values[2].std() * np.cos(4.7 * T)  # a wave that neither mode describes
     counts = np.where(np.arange(20) == 1, 300, 400)
     heard = extract_batch(0.1, values, counts)
     assert np.all(heard.outcome == Outcome.OK)
+    assert list(np.flatnonzero(~heard.described)) == [2]
     assert np.all(np.abs(heard.omega[1] - omega[1]) < 4.5 * heard.stderr[1, :2])
 
 

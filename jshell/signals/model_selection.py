@@ -1,6 +1,6 @@
 """How many modes a record needs, and whether they describe it.
 
-What a fit leaves is compared with the noise that it shows itself (`leftover`). A
+What a fit leaves is compared with the noise that it shows itself (`residual`). A
 second mode counts where it takes away more than a mode fitted to noise could. The
 modes describe the record where they leave noise, autocorrelated or not, and where
 neither a drift nor decays of their own, a second kick or a third mode would take
@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from jshell.signals.alternatives import DRIFTING, Alternative, chi_square, leftovers, of_mode, tried
-from jshell.signals.blemishes import LEVELS, Blemishes
-from jshell.signals.leftover import Leftover
+from jshell.signals.alternatives import DRIFTING, Alternative, chi_square, of_mode, residuals, tried
+from jshell.signals.residual import Residual
+from jshell.signals.sample_faults import LEVELS, SampleFaults
 from jshell.signals.waves import LONGEST, Ending
 from jshell.signals.waves_from_data import sound
 
@@ -45,7 +45,7 @@ class Judgement:
 
     word: str | None
     ending: Ending
-    noise: tuple[Leftover, ...]
+    noise: tuple[Residual, ...]
     warnings: tuple[str, ...]
     notes: tuple[str, ...]
 
@@ -55,7 +55,7 @@ def judge(
     elapsed: Float[np.ndarray, "times"],
     values: Float[np.ndarray, "channels times"],
     names: Sequence[str],
-    marks: Sequence[Blemishes],
+    marks: Sequence[SampleFaults],
     begin: float,
     *,
     steps: np.ndarray,
@@ -67,12 +67,12 @@ def judge(
         elapsed: Times from the window's start.
         values: Channels of comparable size.
         names: Theirs.
-        marks: Their blemishes.
+        marks: Faults of their samples.
         begin: The window's start.
         steps: (channels,) steps of digitised channels, in units of `values`.
     """
     one, two, three = (endings[0] for endings in fits)
-    law = leftovers(values, min((one, two, three), key=lambda ending: ending.power), elapsed)
+    law = residuals(values, min((one, two, three), key=lambda ending: ending.power), elapsed)
     chi = [chi_square(law, values, ending, elapsed) for ending in (one, two)]
     still = sum(part.chi_square(row) for part, row in zip(law, values, strict=True))
     needed = of_mode(elapsed.size, len(names))
@@ -81,7 +81,7 @@ def judge(
     base, word, further = (two, "two", three) if chi[0] - chi[1] > needed else (one, "one", None)
     if further is not None and not sound(further, elapsed):
         further = None
-    noise = leftovers(values, base, elapsed)
+    noise = residuals(values, base, elapsed)
     left = np.sqrt(np.mean((values - base.curve(elapsed)) ** 2, axis=1))
     # rounding is no noise: of a digitised channel as much may be left as its steps make
     fine = (left <= FINEST) | (left <= ROUNDED * steps)
@@ -106,7 +106,7 @@ def judge(
 def _weighed(
     word: str,
     base: Ending,
-    noise: Sequence[Leftover],
+    noise: Sequence[Residual],
     moves: list[bool],
     left: np.ndarray,
     others: list[Alternative],
@@ -170,7 +170,7 @@ def _of_the_modes(base: Ending, elapsed: np.ndarray) -> list[str]:
     return texts
 
 
-def _of_the_noise(noise: Sequence[Leftover], names: Sequence[str]) -> list[str]:
+def _of_the_noise(noise: Sequence[Residual], names: Sequence[str]) -> list[str]:
     return [
         f"noise of {name} is autocorrelated, φ = {one.memory:.2f}: errors allow for it"
         for one, name in zip(noise, names, strict=True)
@@ -178,7 +178,7 @@ def _of_the_noise(noise: Sequence[Leftover], names: Sequence[str]) -> list[str]:
     ]
 
 
-def _of_the_channels(marks: Sequence[Blemishes], names: Sequence[str]) -> tuple[list[str], list[str]]:
+def _of_the_channels(marks: Sequence[SampleFaults], names: Sequence[str]) -> tuple[list[str], list[str]]:
     """Warnings and notes on the instrument."""
     warnings, notes = [], []
     for mark, name in zip(marks, names, strict=True):

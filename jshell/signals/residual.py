@@ -27,7 +27,7 @@ REMEMBERS = 4.0  # standard errors from which φ is told from 0
 
 
 @dataclass(frozen=True)
-class Leftover:
+class Residual:
     """What is left of one channel.
 
     Attributes:
@@ -69,7 +69,7 @@ def cosine_power(left: Float[np.ndarray, "times"]) -> Float[np.ndarray, "coeffic
     return turned.real**2 / (2 * size)
 
 
-def examine(left: Float[np.ndarray, "times"], lost: int = 0) -> Leftover:
+def examine(left: Float[np.ndarray, "times"], lost: int = 0) -> Residual:
     """The noise of what is left, and whether there is more.
 
     Args:
@@ -97,7 +97,7 @@ def examine(left: Float[np.ndarray, "times"], lost: int = 0) -> Leftover:
     memory = best[1]
     cost, law = _cost(power, memory, turn, lost)
     level = float(np.sqrt(law.mean()))
-    return Leftover(power, law, memory, level, _chance(power / law), cost)
+    return Residual(power, law, memory, level, _chance(power / law), cost)
 
 
 def _cost(power: np.ndarray, memory: float, turn: np.ndarray, lost: int) -> tuple[float, np.ndarray]:

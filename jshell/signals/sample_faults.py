@@ -14,7 +14,7 @@ STEP_NOISE = 0.29  # rms of the error of rounding, over the step: 1/sqrt(12)
 
 
 @dataclass(frozen=True)
-class Blemishes:
+class SampleFaults:
     """What is found.
 
     Attributes:
@@ -28,11 +28,11 @@ class Blemishes:
     levels: int
 
 
-def blemishes(values: Float[np.ndarray, "times"]) -> Blemishes:
-    """The blemishes of a channel."""
+def sample_faults(values: Float[np.ndarray, "times"]) -> SampleFaults:
+    """What is wrong with the samples of a channel."""
     known, counts = np.unique(values, return_counts=True)
     if known.size < 3:
-        return Blemishes((), float(np.ptp(values)), known.size)
+        return SampleFaults((), float(np.ptp(values)), known.size)
     step = _step(values, known)
     levels = round(float(np.ptp(values)) / step) + 1 if step else 0
     # a peak that is not clipped holds its extreme once, or where it is digitised two or three times as often as the
@@ -42,7 +42,7 @@ def blemishes(values: Float[np.ndarray, "times"]) -> Blemishes:
         beside = np.abs(known - (value + sign * step)) < 0.1 * step
         ends.append((float(value), int(count), int(counts[beside].sum())))
     clipped = tuple((value, count) for value, count, beside in ends if _held(values, value, count, beside, step))
-    return Blemishes(clipped, step, levels)
+    return SampleFaults(clipped, step, levels)
 
 
 def _held(values: np.ndarray, value: float, count: int, beside: int, step: float) -> bool:

@@ -1,0 +1,175 @@
+"""What is left of the records of a batch at the fits' constants, and the sums that tests of noise ask for.
+
+Symbols    b basis of `batch_kernel`, then the constant   r weighted residual
+Valid for  as `batch_kernel`
+"""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from jshell.calibration.batch_shape import Block, Shape, shape
+from jshell.calibration.batch_waves import basis
+from jshell.signals.lanes import centred, lanewise, stage, total
+from jshell.signals.wave_sums import INNER, powers
+
+
+class Given(eqx.Module):
+    """Records side by side, and what their fits were given; the last axis of arrays is the block.
+
+    Attributes:
+        values: (channels, times, block), V and S for the strict loss, anything beyond the record.
+        count: (block,) samples; so are `step`, `gas`, `wall` and `volume`, as in `Block`.
+        weight: (channels, block) 1/σ².
+        elapsed: (times, block) of uneven samples, else None.
+        modal: As in `Block`.
+    """
+
+    values: Any
+    count: Any
+    step: Any
+    gas: Any
+    wall: Any
+    volume: Any
+    weight: Any
+    elapsed: Any = None
+    modal: bool = eqx.field(static=True, default=False)
+
+    def block(self) -> Block:
+        """As the search of white noise had it."""
+        y, mean = centred(self.values, self.count)
+        inside = (jnp.arange(y.shape[1])[:, None] < self.count).astype(float)
+        power = total(w * jnp.sum(one**2, axis=0) for w, one in zip(self.weight, y, strict=True))
+        return Block(
+            y, mean, power, self.count, self.step, self.weight, self.gas, self.wall, self.volume, self.elapsed, inside,
+            self.modal,
+        )  # fmt: skip
+
+
+def amplitudes(modes: Shape, state: jax.Array, data: Any) -> list[list[jax.Array]]:
+    """Cosine and sine of the slow mode, then of the fast one, for each channel.
+
+    Args:
+        modes: The modes.
+        state: ΔV, ΔS and their rates at the first sample, which both channels share; of the modal loss the amplitudes.
+        data: The block.
+    """
+    if data.modal:
+        return [list(state[4 * c : 4 * c + 4]) for c in range(len(data.weight))]
+    V, S = modes.shapes
+    determinant = V[0] * S[1] - V[1] * S[0]
+    apart = lambda v, s: ((v * S[1] - s * V[1]) / determinant, (s * V[0] - v * S[0]) / determinant)  # noqa: E731
+    cosine, rate = apart(state[0], state[1]), apart(state[2], state[3])
+    sine = [(rate[m] + modes.rate * cosine[m]) / modes.damped[m] for m in range(2)]
+    return [[cosine[0], sine[0], cosine[1], sine[1]]] * 2
+
+
+class Left(NamedTuple):
+    """What is left of a block, and the sums that the tests of `noise` ask for; (channels, block) each.
+
+    Attributes:
+        residual: (channels, times, block) model less data, weighted, 0 beyond the record.
+        power: Its sum of squares.
+        mean: Its mean.
+        neighbours: Sum of products of neighbours, the mean taken out.
+        above, changes: Samples above the mean, and changes of sign.
+        halves: (2, channels, block) sums of the root of its size, in the first half and in all.
+        size: Sum of its size.
+    """
+
+    residual: Any
+    power: Any
+    mean: Any
+    neighbours: Any
+    above: Any
+    changes: Any
+    halves: Any
+    size: Any
+
+
+@eqx.filter_jit
+@lanewise
+def residual(unknowns: jax.Array, linear: jax.Array, rest: jax.Array, given: Given) -> Left:
+    """What is left of every record.
+
+    Args:
+        unknowns: (4, block).
+        linear: (4, block) ΔV, ΔS and their rates at the first sample; of the modal loss amplitudes of each channel.
+        rest: (channels, block) at rest.
+        given: The records.
+    """
+    size, count = given.values.shape[1], given.count
+    go = count[0] >= 0
+    inside = (jnp.arange(size)[:, None] < count).astype(float)
+    modes = stage(lambda u: shape(u, given), go, unknowns)
+    r = stage(lambda modes, given: left_of(modes, linear, rest, given, inside), go, modes, given)
+    whole = stage(lambda r: _grouped_sums(r, lambda y, _: y), go, r)
+    mean = whole / count
+
+    def sums(r, mean, inside):
+        # every sample is read once: groups of INNER are summed unrolled, then the groups
+        one = lambda of: _grouped_sums(r, of, mean, inside)  # noqa: E731
+        return one(lambda y, _: y * y), one(lambda y, _: jnp.abs(y)), one(lambda y, up: up)
+
+    power, absolute, above = stage(sums, go, r, mean, inside)
+    neighbours, changes = stage(lambda r, mean: _between(r, mean, count), go, r, mean)
+    halves = stage(lambda r: _halves(r, count), go, r)
+    # of residuals less their mean: what the mean adds is taken off
+    ends = r[:, 0] + jnp.sum(jnp.where(jnp.arange(size)[:, None] == count - 1, r, 0.0), axis=1)
+    neighbours = neighbours - mean * (2 * whole - ends) + (count - 1) * mean**2
+    return Left(r, power, mean, neighbours, above, changes, halves, absolute)
+
+
+def left_of(modes: Shape, linear: jax.Array, rest: jax.Array, given: Any, inside: jax.Array) -> jax.Array:
+    """(channels, times, block) model less data, weighted, 0 beyond each record."""
+    go, size = given.count[0] >= 0, given.values.shape[1]
+    C, P = amplitudes(modes, linear, given), jnp.repeat(modes.shapes, 2, axis=1)
+    parts = [[P[c, i] * one[i] for i in range(4)] for c, one in enumerate(C)]
+    if given.elapsed is None:
+        curve = jnp.stack([_motion(part, modes, given.step, go, size) for part in parts])
+    else:
+        b = basis(modes, given, inside)
+        curve = jnp.stack([total(part[i] * b[i] for i in range(4)) for part in parts])
+    return jnp.sqrt(given.weight)[:, None] * jnp.where(inside > 0, curve + rest[:, None] - given.values, 0.0)
+
+
+def _grouped_sums(r: jax.Array, of: Any, mean: Any = None, inside: Any = None) -> jax.Array:
+    """(channels, block) sum of a function of every sample, and of whether it lies above the mean."""
+    groups = r.reshape(r.shape[0], -1, INNER, r.shape[2])
+    there: Any = None if inside is None else inside.reshape(-1, INNER, r.shape[2])
+    up = lambda j: None if mean is None else jnp.where(groups[:, :, j] > mean[:, None], there[:, j], 0.0)  # noqa: E731
+    return jnp.sum(total(of(groups[:, :, j], up(j)) for j in range(INNER)), axis=1)
+
+
+def _between(r: jax.Array, mean: jax.Array, count: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """Sums over pairs of neighbours: of their product, and of changes of side of the mean."""
+    after = jnp.arange(1, r.shape[1])[:, None] < count
+    change = ((r[:, 1:] > mean[:, None]) != (r[:, :-1] > mean[:, None])) & after
+    return jnp.sum(r[:, 1:] * r[:, :-1], axis=1), jnp.sum(jnp.where(change, 1.0, 0.0), axis=1)
+
+
+def _halves(r: jax.Array, count: jax.Array) -> jax.Array:
+    """(2, channels, block) sums of the root of the size, in the first half and in all."""
+    root = jnp.sqrt(jnp.abs(r))
+    early = jnp.arange(r.shape[1])[:, None] < jnp.floor(count / 2)
+    return jnp.stack([jnp.sum(jnp.where(early, root, 0.0), axis=1), jnp.sum(root, axis=1)])
+
+
+def _motion(C: list[jax.Array], modes: Shape, step: jax.Array, go: jax.Array, size: int) -> jax.Array:
+    """(times, block) of one channel at even samples: every sixteenth by doubling, those between from it in one pass."""
+    decay, turn = modes.rate * step, modes.damped * step
+    fade = jnp.exp(-decay)
+    groups = size // INNER
+    real, imag, lengths = stage(lambda x, y: powers(x, y, groups), go, fade * jnp.cos(turn), fade * jnp.sin(turn))
+
+    def starts(C, lengths):
+        # c1 Re z^t + c2 Im z^t = Re((c1 - i c2) z^t)
+        a, b = jnp.stack([C[0], C[2]])[None], -jnp.stack([C[1], C[3]])[None]
+        for x, y in lengths:
+            a, b = jnp.concatenate([a, a * x - b * y]), jnp.concatenate([b, a * y + b * x])
+        return a[:groups, None], b[:groups, None]
+
+    a, b = stage(starts, go, C, lengths)
+    return total(a[:, :, m] * real[None, :, m] - b[:, :, m] * imag[None, :, m] for m in range(2)).reshape(size, -1)
