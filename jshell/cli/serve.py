@@ -2,6 +2,7 @@
 
 import importlib
 import os
+import sys
 from typing import Annotated
 
 import typer
@@ -50,3 +51,5 @@ def serve(
         upload=int(upload * 2**20), cache=cache, warm=warm, host=host, port=port, token=token, allowed_hosts=names,
     )  # fmt: skip
     server.serve(chosen, lambda address: log(f"jshell serves at {address} (Ctrl+C stops it)"))
+    sys.stdout.flush()
+    os._exit(0)  # told to stop, and stopped; a thread that still compiles would abort a process that says goodbye

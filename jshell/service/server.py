@@ -1,9 +1,10 @@
 """The service on its way: opened, listening, and drained when it is told to stop."""
 
+import os
 import signal
 import socket
-import sys
 from collections.abc import Callable
+from types import FrameType
 
 from jshell.errors import BadValue, require_extra
 from jshell.service.settings import Settings
@@ -23,6 +24,9 @@ PACKAGES = (
 
 def serve(settings: Settings, report: Callable[[str], None] | None = None) -> None:
     """Listen until a signal says stop; then finish or give back what runs, within ten seconds.
+
+    A signal during the start ends the process at once, with 0: nothing was accepted yet. After this returns the process
+    should end without Python's own goodbyes, for a thread that compiles would abort it.
 
     Args:
         settings: What the keeper chose.
@@ -46,7 +50,8 @@ def serve(settings: Settings, report: Callable[[str], None] | None = None) -> No
     listening = _listen(settings)
     store = Store.open(settings.db, queue=settings.queue, attempts=settings.attempts)
     try:
-        app = create_app(settings, store, Worker(settings, store))
+        worker = Worker(settings, store)
+        app = create_app(settings, store, worker)
         config = uvicorn.Config(  # httptools is faster, but reads a header without end
             app, http="h11", log_level="warning", server_header=False, date_header=True,
             h11_max_incomplete_event_size=HEADER, limit_concurrency=CONNECTIONS, timeout_keep_alive=IDLE,
@@ -56,8 +61,14 @@ def serve(settings: Settings, report: Callable[[str], None] | None = None) -> No
             host, port = listening.getsockname()[:2]
             report(f"http://{f'[{host}]' if ':' in host else host}:{port}")
         server = uvicorn.Server(config)
+
+        def told(number: int, frame: FrameType | None) -> None:
+            worker.stopping.set()  # from now on a process that dies was told to, too
+            uvicorn.Server.handle_exit(server, number, frame)
+
+        server.handle_exit = told
         for number in (signal.SIGTERM, signal.SIGINT):
-            signal.signal(number, lambda *_: None if server.started else sys.exit(0))
+            signal.signal(number, lambda *_: None if server.started else os._exit(0))
         server.run(sockets=[listening])  # it drains on a signal and then sends it on: to the line above
     finally:
         store.close()

@@ -16,8 +16,8 @@ class Settings:
         db: Where jobs are kept: `sqlite:///jshell.db`, or `postgresql+psycopg://user@host/database`.
         engine: Where jobs run: `processes` (spawned), `inline`, or `tcp://host:port` of a Dask scheduler.
         workers: Jobs that run at the same time.
-        lease: Time after which a job whose worker no longer speaks is given to another [s].
-        attempts: Deaths of its worker after which a job is given up.
+        lease: Time without a heartbeat, on the observer's own clock, after which a job is given to another [s].
+        attempts: Deaths of its worker in the middle of it after which a job is given up; restarts do not count.
         seconds: Longest time of one job [s]; spawned processes only.
         memory: Largest resident memory of the process of one job [bytes]; spawned processes on Linux only.
         nice: How far processes of jobs stand back behind the server on a busy machine, 0 to 19.

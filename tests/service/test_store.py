@@ -6,6 +6,7 @@ import sqlite3
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import pytest
 import sqlalchemy as sa
@@ -221,10 +222,9 @@ def test_the_oldest_goes_first(store):
 
 def test_who_lost_the_lease_records_nothing(store):
     job = asked(store).job
-    store.lease("slow", 0.01)
-    time.sleep(0.1)
-    assert store.reap_expired() == 1
-    assert store.reap_expired() == 0
+    store.lease("slow", 15)
+    assert silent(store)
+    assert store.reap_expired(0.1) == 0
     assert not store.heartbeat(job.id, "slow", 1)
     assert not store.finish(job.id, "slow", 1, {"a": b"late"})
     again = store.lease("slow", 15)  # the same owner: its second attempt is not its first
@@ -236,18 +236,56 @@ def test_who_lost_the_lease_records_nothing(store):
     assert store.result(job.id, "a") == b"right"
 
 
-def test_a_heartbeat_keeps_the_lease(store):
+def silent(store: Store) -> bool:
+    """Whether an observer takes a job from an owner that says nothing."""
+    return any(time.sleep(0.04) or store.reap_expired(0.1) for _ in range(8))
+
+
+def test_a_heartbeat_keeps_the_lease(store, monkeypatch):
+    """However the clock is set, and however long it was when it was taken."""
+    clock = type(store.database).clock
     job = asked(store).job
-    store.lease("me", 0.2)
+    store.lease("me", 0.01)
+    for hours in (0, 1, -1, 0, 1, 0):
+        moved = property(lambda self, hours=hours: clock.__get__(self) + 3600.0 * hours)
+        monkeypatch.setattr(type(store.database), "clock", moved)
+        assert store.heartbeat(job.id, "me", 1, seconds=15)
+        time.sleep(0.04)
+        assert store.reap_expired(0.1) == 0
+    assert silent(store)
+
+
+def test_an_observer_that_was_frozen_itself_begins_anew(store):
+    asked(store)
+    store.lease("me", 15)
     for _ in range(4):
-        assert store.heartbeat(job.id, "me", 1, seconds=0.5)
+        assert store.reap_expired(0.05) == 0
         time.sleep(0.1)
-        assert store.reap_expired() == 0
+    assert silent(store)
 
 
-def test_three_deaths_end_a_job(store, monkeypatch):
-    monkeypatch.setattr(stores, "QUIET", 0.0)
+def test_no_clock_makes_a_job_wait_or_go_first(store, monkeypatch):
+    made = []
+    for number, hours in enumerate((1, -1, 0, 2)):
+        monkeypatch.setattr(stores.time, "time", lambda hours=hours: 1.8e9 + 3600 * hours + 0.25)
+        made.append(asked(store, number).job.id)
+    monkeypatch.setattr(stores.time, "time", lambda: 1.8e9 - 7200.5)
+    assert [store.lease("me", 15).id for _ in made] == made
+    for name in reversed(made):
+        assert store.release(name, "me", 1)
+    assert [store.lease("me", 15).id for _ in made] == made
+
+
+def test_a_restart_is_never_the_jobs_fault(store):
     job = asked(store).job
+    for attempt in range(1, 6):
+        assert store.lease(f"server {attempt}", 15).attempt == attempt
+        assert silent(store)
+    assert (store.job(job.id).state, store.job(job.id).error) == ("queued", None)
+
+
+def test_three_deaths_end_a_job_which_may_be_sent_again_under_its_key(store):
+    job = asked(store, key="k").job
     for attempt in (1, 2, 3):
         assert store.lease("me", 15).attempt == attempt
         assert store.release(job.id, "me", attempt, died=True)
@@ -255,7 +293,12 @@ def test_three_deaths_end_a_job(store, monkeypatch):
     assert (ended.state, ended.error.code) == ("failed", "worker_died")
     assert "worker died" in ended.error.cause
     assert store.lease("me", 15) is None
-    assert asked(store).created
+    again = asked(store, key="k")
+    assert again.created
+    assert again.job.id != job.id
+    assert asked(store, key="k").job == again.job
+    with pytest.raises(KeyConflict):
+        asked(store, 1, key="k")
 
 
 def test_what_was_given_back_alive_does_not_count_as_a_death(store):
@@ -266,13 +309,13 @@ def test_what_was_given_back_alive_does_not_count_as_a_death(store):
     assert store.job(job.id).state == "queued"
 
 
-def test_a_job_rests_after_two_deaths_and_for_a_delay(store):
+def test_what_has_killed_two_workers_lets_the_others_go_first(store):
     job, other = asked(store, 0).job, asked(store, 1).job
     for attempt in (1, 2):
         assert store.lease("me", 15).id == job.id
         store.release(job.id, "me", attempt, died=True)
     assert store.lease("me", 15).id == other.id
-    store.release(other.id, "me", 1, delay=60)
+    assert store.lease("me", 15).id == job.id
     assert store.lease("me", 15) is None
 
 
@@ -305,6 +348,36 @@ def test_a_database_is_brought_up_to_date_once_and_a_later_one_refused(url):
         Store.open(url)
 
 
+def test_a_database_of_an_earlier_jshell_goes_on_where_it_stood(tmp_path):
+    """Written by the version of two steps: a job of every state, one of them running."""
+    path = tmp_path / "jobs.db"
+    with contextlib.closing(sqlite3.connect(path)) as connection:
+        connection.executescript((Path(__file__).parent / "data" / "jobs_of_two_steps.sql").read_text())
+    store = Store.open(f"sqlite:///{path}")
+    rows = store.jobs()
+    assert [row.state for row in rows] == ["queued", "running", "cancelled", "failed", "failed", "done"]
+    assert store.result(rows[-1].id, "record.json") == b"{}"
+    assert store.trace_content(rows[-1].traces[0]) == b"t,V\n0,1\n1,2\n"
+    assert not asked(store, 1, "key 1").created
+    assert asked(store, 2, "key 2").created  # it was given up
+    assert store.lease("me", 15).id == rows[0].id
+    store.close()
+
+
+def test_a_job_that_had_a_time_to_be_ready_at_is_one_without(url):
+    """As tables of two steps have it, on both."""
+    store = Store.open(url)
+    asked(store)
+    with store.database.writing() as connection:
+        connection.execute(sa.text("ALTER TABLE jobs ADD COLUMN ready FLOAT NOT NULL DEFAULT 9e9"))
+        connection.execute(tables.migrations.delete().where(tables.migrations.c.number > 2))
+    store.close()
+    store = Store.open(url)
+    assert store.lease("me", 15).specification == {"number": 0}
+    assert asked(store, 1).created
+    store.close()
+
+
 def test_errors_of_the_first_tables_come_apart(url):
     """What was found and expected stood in one sentence."""
     store = Store.open(url)
@@ -317,7 +390,7 @@ def test_errors_of_the_first_tables_come_apart(url):
             )
             error = None if words is None else json.dumps(words)
             connection.execute(tables.jobs.update().where(tables.jobs.c.id == row.id).values(error=error))
-        connection.execute(tables.migrations.delete().where(tables.migrations.c.number == 2))
+        connection.execute(tables.migrations.delete().where(tables.migrations.c.number >= 2))
     store.close()
     store = Store.open(url)
     found = [store.job(row.id).error for row in rows]
