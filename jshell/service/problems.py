@@ -6,7 +6,6 @@ nobody foresaw has an identifier and no traceback; the traceback stands in the l
 Source     RFC 9457, Problem Details for HTTP APIs; RFC 6585 (429)
 """
 
-import logging
 import re
 import uuid
 from collections.abc import Mapping, Sequence
@@ -20,11 +19,11 @@ from fastapi.responses import JSONResponse, Response
 from starlette.exceptions import HTTPException
 
 from jshell.errors import JshellError
+from jshell.service.log import log, trace_of
 
 MEDIA_TYPE = "application/problem+json"
 RETRY_AFTER = 5  # seconds after which a refused request may be worth another try
 SHOWN = 120  # characters of what was found that a message repeats
-_log = logging.getLogger("jshell.service")
 
 
 class Refused(JshellError):
@@ -111,7 +110,7 @@ _BY_STATUS = MappingProxyType({400: "bad_request", 404: "not_found", 405: "wrong
 
 def brief(text: object) -> str:
     """What was found, short enough for a message."""
-    words = text if isinstance(text, str) else repr(text)
+    words = (text if isinstance(text, str) else repr(text)).encode(errors="replace").decode()
     return words if len(words) <= SHOWN else words[: SHOWN - 1] + "…"
 
 
@@ -187,9 +186,9 @@ def of_status(status: int, detail: object, path: str) -> JshellError:
 
 
 def unforeseen(error: BaseException, path: str) -> JshellError:
-    """An error that nobody foresaw: an identifier for the user, the traceback for the log."""
+    """An error that nobody foresaw: an identifier for the user, and for the log where it came from, in one record."""
     identifier = uuid.uuid4().hex[:12]
-    _log.error("error %s at %s", identifier, path, exc_info=error)
+    log.error("error %s at %s\n%s", identifier, path, trace_of(error))
     found = Refused(
         path, found=f"an error of the service, {identifier}", expected="none",
         remedy=f"Try again; if it stays, look for {identifier} in the service's log.",
@@ -244,7 +243,3 @@ def render_errors(app: FastAPI, page: Any = None) -> None:
             methods = allowed(app.openapi(), request.url.path)
             headers |= {"Allow": ", ".join(methods)} if methods else {}
         return render(request, found, {}, headers)
-
-    @app.exception_handler(Exception)
-    def of_nobody(request: Request, error: Exception) -> Response:
-        return render(request, unforeseen(error, request.url.path), {}, {})

@@ -62,9 +62,9 @@ def serve(settings: Settings, report: Callable[[str], None] | None = None) -> No
             report(f"http://{f'[{host}]' if ':' in host else host}:{port}")
         server = uvicorn.Server(config)
 
-        def told(number: int, frame: FrameType | None) -> None:
+        def told(sig: int, frame: FrameType | None) -> None:
             worker.stopping.set()  # from now on a process that dies was told to, too
-            uvicorn.Server.handle_exit(server, number, frame)
+            uvicorn.Server.handle_exit(server, sig, frame)
 
         server.handle_exit = told
         for number in (signal.SIGTERM, signal.SIGINT):

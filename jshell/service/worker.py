@@ -6,7 +6,6 @@ before a job is leased: time to start is nobody's death.
 """
 
 import contextlib
-import logging
 import os
 import secrets
 import socket
@@ -24,11 +23,11 @@ from jshell import engines
 from jshell.engines import Processes
 from jshell.errors import BadStore, JshellError, LimitReached, StoreUnavailable, WorkerLost
 from jshell.service import tasks
+from jshell.service.log import log
 from jshell.service.settings import Settings
 from jshell.service.shared_file import FileRef, SharedFile
 from jshell.service.store import JobFailure, JobRow, Store
 
-log = logging.getLogger("jshell.service")
 PROGRAMS = "jax_compilation_cache_dir"
 LARGE = 2**20  # bytes of the files of a job from which they are shared with its process through a file
 LOOK = 0.1  # [s] between two looks at a running job

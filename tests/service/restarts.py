@@ -17,7 +17,7 @@ from crash import Counting, cheap
 from jshell.service.database import Database
 
 SERVE = (sys.executable, "-m", "jshell", "serve", "--port", "0", "--nice", "0")
-PATIENCE = 900.0
+PATIENCE = 3600.0
 
 
 def begun(url: str, log: Path, *options: str) -> subprocess.Popen:

@@ -1,24 +1,31 @@
 """Traces: uploaded, listed, looked into, given back."""
 
-import json
 from typing import Annotated, Any, no_type_check
 
 import numpy as np
 from fastapi import APIRouter, File, Form, Response, UploadFile
 from fastapi.responses import JSONResponse
-from pydantic import TypeAdapter, ValidationError
+from pydantic import FiniteFloat, TypeAdapter, ValidationError
 
 from jshell.errors import BadValue, JshellError
 from jshell.service.api.answers import ONCE, Before, Limit, Name, binary, problem_responses
 from jshell.service.problems import brief, problem
-from jshell.service.reading import UPLOAD_SLOTS, TraceContent, conditions_of, inspect, inspected, with_conditions
+from jshell.service.reading import (
+    UPLOAD_SLOTS,
+    TraceContent,
+    conditions_of,
+    inspect,
+    inspected,
+    json_field,
+    with_conditions,
+)
 from jshell.service.safety import attachment, clean_name
 from jshell.service.schemas import TraceOut, TracePage, TraceRead
 from jshell.service.state import Here
 from jshell.service.uploads import TraceRow
 
 router = APIRouter(prefix="/traces", tags=["traces"])
-_numbers = TypeAdapter(dict[str, float])
+_numbers = TypeAdapter(dict[str, FiniteFloat])
 
 
 @router.post(
@@ -85,17 +92,14 @@ def numbers(text: str) -> dict[str, float]:
     Raises:
         BadValue: Not an object of numbers.
     """
+    expected = '{"d_hat": 0.22, …}'
     try:
-        found = _numbers.validate_python(json.loads(text))
-        if not all(np.isfinite(list(found.values()))):
-            raise ValueError("a number that is not finite")
-    except (ValueError, RecursionError, ValidationError) as error:
-        words = "no JSON object of numbers" if isinstance(error, ValidationError) else str(error)
+        return _numbers.validate_python(json_field("conditions", text, expected))
+    except ValidationError:
         raise BadValue(
-            "conditions", found=f"{brief(text)} ({brief(words)})", expected='{"d_hat": 0.22, …}',
+            "conditions", found=f"{brief(text)} (no JSON object of finite numbers)", expected=expected,
             remedy="Write names and numbers.",
         ) from None  # fmt: skip
-    return found
 
 
 def row_out(row: TraceRow) -> dict[str, Any]:

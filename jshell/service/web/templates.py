@@ -57,7 +57,7 @@ def words(name: str) -> str:
     return QUANTITIES[base].words if base in QUANTITIES else ""
 
 
-def size(count: float) -> str:
+def size(count: float | int) -> str:
     """Bytes in a unit of convenient size."""
     for unit in ("B", "kB", "MB"):
         if count < 1000:
