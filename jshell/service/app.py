@@ -63,7 +63,7 @@ def create_app(settings: Settings, store: Store, worker: Worker | None = None) -
     app.include_router(health.router)
     pages.mount(app)
     render_errors(app, pages.sorry)
-    app.add_middleware(safety.Gate, settings=settings, refuse=_refuse)
+    app.add_middleware(safety.Gate, settings=settings, database=store.database, refuse=_refuse)
     app.add_middleware(Counted, metrics=service.metrics)
     app.openapi = lambda: _described(app)  # pyright: ignore[reportAttributeAccessIssue]
     return app
@@ -85,7 +85,11 @@ def _warm() -> None:
 def _described(app: FastAPI) -> dict[str, Any]:
     """The description of the API: problems and the token included, the page's own routes left out."""
     if app.openapi_schema is None:
-        found = get_openapi(title=app.title, version=app.version, summary=app.summary, routes=app.routes)
+        root = app.state.service.settings.root_path
+        found = get_openapi(
+            title=app.title, version=app.version, summary=app.summary, routes=app.routes,
+            servers=[{"url": root}] if root else None,
+        )  # fmt: skip
         parts = found.setdefault("components", {})
         parts.setdefault("schemas", {})["ProblemOut"] = ProblemOut.model_json_schema(
             ref_template="#/components/schemas/{model}"

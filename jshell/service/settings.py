@@ -1,5 +1,6 @@
 """Everything about the service that its keeper may choose; the rest is not a choice."""
 
+import re
 from dataclasses import dataclass, field
 
 from jshell.errors import BadValue
@@ -31,6 +32,8 @@ class Settings:
         port: Port it listens at.
         token: What a request must bear where the service is open to other machines.
         allowed_hosts: Names by which the service may be called.
+        root_path: Where a proxy in front shows the service, e.g. `/fits`; its addresses begin with it.
+        proxy: Address or network of that proxy, whose word on who asks, and whether by TLS, is believed.
 
     Raises:
         BadValue: A number outside its meaning.
@@ -54,6 +57,8 @@ class Settings:
     port: int = 8765
     token: str | None = field(default=None, repr=False)
     allowed_hosts: tuple[str, ...] = LOCAL
+    root_path: str = ""
+    proxy: str | None = None
 
     def __post_init__(self) -> None:
         for name in ("workers", "lease", "attempts", "seconds", "memory", "queue", "upload", "arrival", "traces"):
@@ -62,5 +67,9 @@ class Settings:
                 raise BadValue(name, found=f"{value:g}", expected="a number above 0", remedy="Leave it out.")
         if not 0 <= self.nice <= 19:
             raise BadValue("nice", found=str(self.nice), expected="0 to 19", remedy="10 is usual.")
+        if self.root_path and not re.fullmatch(r"(/[\w.~-]+)+", self.root_path, re.ASCII):
+            raise BadValue(
+                "root_path", found=repr(self.root_path), expected="/name", remedy="Write it without an end /."
+            )
         if not 0 <= self.port < 2**16:
             raise BadValue("port", found=str(self.port), expected="0 to 65535", remedy="8765 is usual; 0 picks one.")

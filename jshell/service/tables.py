@@ -87,6 +87,12 @@ results = sa.Table(
     sa.Column("content", _BYTES, nullable=False),
 )
 
+sessions = sa.Table(
+    "sessions",
+    metadata,
+    sa.Column("id", sa.Text, primary_key=True),
+    sa.Column("ends", _TIME, nullable=False),
+)
 
 heartbeats = sa.Table(  # one row, written to learn whether anything can be written
     "pulse",
@@ -120,10 +126,15 @@ def _no_time_to_be_ready(connection: sa.Connection) -> None:
         connection.execute(sa.text("ALTER TABLE jobs DROP COLUMN ready"))
 
 
+def _sessions(connection: sa.Connection) -> None:
+    sessions.create(connection, checkfirst=True)
+
+
 STEPS: tuple[tuple[str, Callable[[sa.Connection], None]], ...] = (
     ("traces, jobs, keys and results", _first),
     ("what was found and what was expected in an error", _errors_apart),
     ("the order of jobs is that of their numbers", _no_time_to_be_ready),
+    ("browsers that have shown the token", _sessions),
 )
 
 

@@ -85,7 +85,7 @@ class Route(APIRoute):
 ONCE = Depends(_once)  # a field of a form that stands there twice is no field
 
 
-def binary(media: str, words: str) -> dict[int, Any]:
-    """An answer that is a file."""
-    schema = {"type": "string", "format": "binary"} if media != "application/json" else {"type": ["object", "array"]}
+def binary(media: str, words: str, json: str = "object") -> dict[int, Any]:
+    """An answer that is a file; where it is JSON, of an `object` or an `array`."""
+    schema = {"type": json} if media == "application/json" else {"type": "string", "format": "binary"}
     return {200: {"description": words, "content": {media: {"schema": schema}}}}

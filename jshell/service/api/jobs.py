@@ -193,13 +193,13 @@ def _routes(kind: str, words: str, out: type[JobOut]) -> None:
 
 
 def _download(kind: str, suffix: str, words: str) -> None:
-    media = MEDIA[suffix].partition(";")[0]
+    media, json = MEDIA[suffix].partition(";")[0], "array" if kind == "modes" else "object"
 
     @router.get(
         f"/{PLURAL[kind]}/{{id:key}}.{suffix}",
         tags=[PLURAL[kind]],
         response_class=Response,
-        responses=problem_responses(404, 409, more=binary(media, f"The {words} as a file.")),
+        responses=problem_responses(404, 409, more=binary(media, f"The {words} as a file.", json)),
         summary=f"The {words} as .{suffix}",
     )
     def download(here: Here, id: Name) -> Response:
