@@ -25,12 +25,13 @@ RECORDING = ROOT / "data" / "examples" / "attached_R_HW.csv"
 
 
 @contextlib.contextmanager
-def listening(settings: Settings) -> Iterator[tuple[str, Store]]:
+def listening(settings: Settings, port: int = 0) -> Iterator[tuple[str, Store]]:
     """A service in a thread, without a worker: jobs wait."""
     store = Store.open(settings.db, queue=settings.queue)
     config = uvicorn.Config(
-        create_app(settings, store), port=0, log_level="critical", h11_max_incomplete_event_size=16384, http=Connection,
-        proxy_headers=settings.proxy is not None, forwarded_allow_ips=settings.proxy,
+        create_app(settings, store), port=port, log_level="critical", http=Connection,
+        h11_max_incomplete_event_size=16384, proxy_headers=settings.proxy is not None,
+        forwarded_allow_ips=settings.proxy,
     )  # fmt: skip
     server = uvicorn.Server(config)
     thread = threading.Thread(target=server.run, daemon=True)
