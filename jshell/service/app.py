@@ -1,12 +1,16 @@
 """The service put together: gate, API, page, and the worker beside them."""
 
 import contextlib
+import re
 import threading
 from collections.abc import AsyncIterator
 from typing import Any
+from urllib.parse import unquote_to_bytes
 
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
+from python_multipart.multipart import parse_options_header
+from starlette import formparsers
 from starlette.formparsers import MultiPartParser
 from starlette.requests import Request
 
@@ -56,6 +60,7 @@ def create_app(settings: Settings, store: Store, worker: Worker | None = None) -
         summary="Fits of the short model of buckling shells, as jobs.",
     )  # fmt: skip
     MultiPartParser.spool_max_size = SPOOL
+    formparsers.parse_options_header = _with_long_names
     service = Service(settings, store, Metrics())
     app.state.service = service
     for router in (traces.router, jobs.router, simulate.router):
@@ -67,6 +72,14 @@ def create_app(settings: Settings, store: Store, worker: Worker | None = None) -
     app.add_middleware(Counted, metrics=service.metrics)
     app.openapi = lambda: _described(app)  # pyright: ignore[reportAttributeAccessIssue]
     return app
+
+
+def _with_long_names(header: bytes | str | None) -> tuple[bytes, dict[bytes, bytes]]:
+    """A part's header, `filename*` understood: some clients name a file with accents by it alone (RFC 8187)."""
+    kind, options = parse_options_header(header)
+    text = header.encode("latin-1") if isinstance(header, str) else header or b""
+    found = re.search(rb"filename\*=utf-8'[^']*'([^;\s]+)", text, re.IGNORECASE)
+    return kind, options if found is None else {**options, b"filename": unquote_to_bytes(found[1])}
 
 
 def _refuse(scope: Any, error: JshellError) -> Any:
