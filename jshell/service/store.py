@@ -346,6 +346,7 @@ class Store:
             finished=sa.case((given_up, self.database.clock), else_=sa.null()),
             error=sa.case((given_up, error), else_=sa.null()),
             lease=None,
+            progress=0.0,
         )
         return connection.execute(change).rowcount
 

@@ -490,3 +490,14 @@ def test_what_is_no_file_is_copied_by_its_own_means(tmp_path, db):
         copies.backup(db, tmp_path / "copy")
     with pytest.raises(BadValue, match="pg_restore"):
         copies.restore(tmp_path / "copy", db)
+
+
+def test_what_is_begun_anew_has_no_progress_and_can_be_called_off(store):
+    job = asked(store).job
+    store.lease("before the restart", 15)
+    assert store.heartbeat(job.id, "before the restart", 1, progress=0.5)
+    assert silent(store)
+    row = store.job(job.id)
+    assert (row.state, row.progress, row.attempt, row.owner) == ("queued", 0.0, 1, None)
+    assert store.cancel(job.id).state == "cancelled"
+    assert store.lease("after", 15) is None

@@ -82,8 +82,10 @@ def _kept(request: Request, here: Service, given: Sequence[tuple[str, bytes]]) -
             try:
                 if inspect(name, content).trace.conditions is None:
                     lacking.append(name)
-            except BadUnits:
-                lacking.append(name)  # units without conditions; what else is wrong the next page says
+            except BadUnits as error:
+                if "without SI conditions" not in error.found:  # e.g. a column without a unit, which is named
+                    raise
+                lacking.append(name)
             ids.append(here.store.add_trace(name, content).id)
     except JshellError as error:
         return shown(request, "upload.html", {"error": error, "limit": here.settings.upload}, 422)

@@ -141,3 +141,14 @@ def test_the_description_of_records_is_true(http):
     for kind in ("fits", "simulations", "modes"):
         schema = paths[f"/api/v1/{kind}/{{id}}.json"]["get"]["responses"]["200"]["content"]["application/json"]
         assert "string" not in json.dumps(schema)
+
+
+def test_the_page_names_a_column_without_a_unit_as_the_api_does(http):
+    content = b"t [s],V [mm^3],x\n0,3,1\n1,2,1\n2,2,1\n"
+    api = http.post("/api/v1/traces", files={"file": ("a.csv", content)}).json()
+    page = http.post("/traces", files={"file": ("a.csv", content)})
+    assert (api["code"], page.status_code) == ("bad_units", 422)
+    assert "column `x`" in api["place"]
+    assert "column `x`" in page.text
+    bare = http.post("/traces", files={"file": ("a.csv", content.replace(b",x", b"").replace(b",1\n", b"\n"))})
+    assert bare.headers["location"].startswith("/traces/conditions")  # which are asked for

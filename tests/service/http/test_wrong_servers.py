@@ -77,7 +77,7 @@ def wrong(request: pytest.FixtureRequest) -> Iterator[str]:
 
 @pytest.mark.parametrize("wrong", MISBEHAVIOURS, indirect=True)
 def test_what_is_no_service_is_told_in_time(wrong):
-    with jshell.Client(wrong, timeout=0.4, patience=0.2) as client:
+    with jshell.Client(wrong, timeout=0.15, patience=0.1) as client:
         begun = time.monotonic()
         with pytest.raises(JshellError) as found:
             client.job("0" * 24)
