@@ -64,7 +64,7 @@ class Expression:
     def __post_init__(self) -> None:
         try:
             tree = ast.parse(self.text.strip(), mode="eval").body
-        except SyntaxError:
+        except (SyntaxError, ValueError, RecursionError, MemoryError):
             raise self._refused(repr(self.text)) from None
         self._names(tree)
 

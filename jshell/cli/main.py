@@ -65,6 +65,14 @@ VERBS = {
         "Draw the source's figures from our own simulations, its published numbers marked; without a name, list them.",
     ),
     "serve": ("serve", "Serve fits over HTTP: a page for people, an API for programs."),
+    "backup": (
+        "backup",
+        "Copy a service's jobs while it runs, all as of one moment, and look at the copy. (PostgreSQL: pg_dump.)",
+    ),
+    "restore": (
+        "backup",
+        "Look at a copy, every page and every upload, and put it where a service can start from it.",
+    ),
     "submit": (
         "submit",
         "Fit traces on a service; the report is that of `jshell fit`. A token is read from JSHELL_TOKEN.",

@@ -2,6 +2,7 @@
 
 import importlib
 import os
+import sys
 from typing import Annotated
 
 import typer
@@ -33,6 +34,10 @@ def serve(
     allow_host: Annotated[
         list[str] | None, typer.Option("--allow-host", help="Name by which browsers call it; may be repeated.")
     ] = None,
+    root_path: Annotated[str, typer.Option(help="Where a proxy in front shows it, e.g. /fits.")] = "",
+    proxy: Annotated[
+        str | None, typer.Option(help="Address or network of that proxy, believed on who asks and whether by TLS.")
+    ] = None,
     warm: Annotated[bool, typer.Option("--warm/--cold", help="Compile the usual fit before the first job.")] = True,
 ) -> None:
     """Serve fits over HTTP: a page for people, an API for programs.
@@ -48,5 +53,8 @@ def serve(
     chosen = settings.Settings(
         db=db, engine=engine, workers=workers, queue=queue, seconds=seconds, memory=int(memory * 2**30), nice=nice,
         upload=int(upload * 2**20), cache=cache, warm=warm, host=host, port=port, token=token, allowed_hosts=names,
+        root_path=root_path, proxy=proxy,
     )  # fmt: skip
     server.serve(chosen, lambda address: log(f"jshell serves at {address} (Ctrl+C stops it)"))
+    sys.stdout.flush()
+    os._exit(0)  # told to stop, and stopped; a thread that still compiles would abort a process that says goodbye

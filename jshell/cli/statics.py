@@ -97,14 +97,14 @@ def rest(
     # of a wall that touches itself this is the reason
     numbers["clearance"] = found.clearance if np.isfinite(found.clearance) else None
     stable = bool(found.stability > 0) if ok else None
-    judged = jshell.dynamics.roundness(found) if symmetry and ok else None
+    symmetric = jshell.dynamics.roundness(found) if symmetry and ok else None
     if as_json:
-        if judged is not None:
+        if symmetric is not None:
             numbers["symmetry"] = {
-                "verdict": judged.verdict,
-                "order": judged.order,
-                "eigenvalue": judged.stability.eigenvalue,
-                "growth": judged.growth,
+                "verdict": symmetric.verdict,
+                "order": symmetric.order,
+                "eigenvalue": symmetric.stability.eigenvalue,
+                "growth": symmetric.growth,
             }
         say({**numbers, "stable": stable, "branch": branch, "outcome": outcome, "conditions": problem.record()})
     else:
@@ -120,8 +120,8 @@ def rest(
         }
         rows: list[tuple[str, Any]] = [(words[key], value) for key, value in numbers.items()]
         rows.append(("stable", {True: "yes", False: "no", None: "–"}[stable]))
-        if judged is not None:
-            rows.append(("symmetry", judged.verdict))
+        if symmetric is not None:
+            rows.append(("symmetry", symmetric.verdict))
         typer.echo(table(rows, ("at rest", "value")))
     finish(outcome)
 

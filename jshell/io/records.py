@@ -153,7 +153,8 @@ def write_groups(
 
     Args:
         path: File to write.
-        groups: Group to name to dimensions and values; coordinates are variables named as their dimension.
+        groups: Group to name to dimensions and values; coordinates are variables named as their dimension. What NetCDF
+            takes for a path is written in words.
         facts: Texts that belong to the file.
 
     Raises:
@@ -161,7 +162,14 @@ def write_groups(
     """
     require_extra("h5netcdf", "io", "NetCDF")
     xarray = require_extra("xarray", "io", "NetCDF")
-    tree = {f"/{name}": xarray.Dataset(dict(rows)) for name, rows in groups.items()}
+    tree = {
+        f"/{group}": xarray.Dataset({_no_path(name): values for name, values in rows.items()})
+        for group, rows in groups.items()
+    }
     tree["/"] = xarray.Dataset(attrs=facts)
     xarray.DataTree.from_dict(tree).to_netcdf(Path(path), engine="h5netcdf")
     return Path(path)
+
+
+def _no_path(name: str) -> str:
+    return name.replace("/", "_per_") if name.strip(".") else name.replace(".", "dot")

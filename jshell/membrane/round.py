@@ -72,7 +72,8 @@ def warn_where_not_round(found: RestShape, level: int = 3) -> None:
     if np.ndim(ratio) == 0 and np.ndim(thickness) == 0:
         words = symmetry_words(jax.lax.stop_gradient(found))
     else:
-        d, V, ok = np.broadcast_arrays(thickness, ratio, np.asarray(outcome) == Outcome.OK)
+        nu = jax.lax.stop_gradient(found.conditions.poisson_ratio)
+        d, V, nu, ok = np.broadcast_arrays(thickness, ratio, nu, np.asarray(outcome) == Outcome.OK)
         share = np.where(ok, d / np.maximum(thinnest_round(V, nu), 1e-9), np.inf)
         worst = np.unravel_index(np.argmin(share), share.shape)
         words = words_of_law(float(d[worst]), float(V[worst])) if share[worst] < 1 else None

@@ -177,8 +177,8 @@ def hysteresis(trajectory: Trajectory, ax: Axes | None = None) -> Axes:
         ax.plot(P, np.where(buckled, V, np.nan), color=BLUE, linewidth=0.9, label="buckled")
         ax.plot(P, np.where(buckled, np.nan, V), color=BLACK, linewidth=0.9, label="sphere")
         for load, word in ((at.buckling_pressure, "buckles"), (at.unbuckling_pressure, "unbuckles")):
-            ax.axvline(load, color=GREY, linewidth=0.7, linestyle=(0, (3, 2)), zorder=0)
-            ax.text(load, 1.01, word, transform=ax.get_xaxis_transform(), ha="center", va="bottom", fontsize=7)
+            ax.axvline(float(load), color=GREY, linewidth=0.7, linestyle=(0, (3, 2)), zorder=0)
+            ax.text(float(load), 1.01, word, transform=ax.get_xaxis_transform(), ha="center", va="bottom", fontsize=7)
         ax.set_xlabel(quantity("Pext_hat").label())
         ax.set_ylabel("volume V/V₀")
         ax.legend(loc="lower left")

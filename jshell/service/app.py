@@ -1,12 +1,16 @@
 """The service put together: gate, API, page, and the worker beside them."""
 
 import contextlib
+import re
 import threading
 from collections.abc import AsyncIterator
 from typing import Any
+from urllib.parse import unquote_to_bytes
 
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
+from python_multipart.multipart import parse_options_header
+from starlette import formparsers
 from starlette.formparsers import MultiPartParser
 from starlette.requests import Request
 
@@ -56,6 +60,7 @@ def create_app(settings: Settings, store: Store, worker: Worker | None = None) -
         summary="Fits of the short model of buckling shells, as jobs.",
     )  # fmt: skip
     MultiPartParser.spool_max_size = SPOOL
+    formparsers.parse_options_header = _with_long_names
     service = Service(settings, store, Metrics())
     app.state.service = service
     for router in (traces.router, jobs.router, simulate.router):
@@ -63,10 +68,18 @@ def create_app(settings: Settings, store: Store, worker: Worker | None = None) -
     app.include_router(health.router)
     pages.mount(app)
     render_errors(app, pages.sorry)
-    app.add_middleware(safety.Gate, settings=settings, refuse=_refuse)
+    app.add_middleware(safety.Gate, settings=settings, database=store.database, refuse=_refuse)
     app.add_middleware(Counted, metrics=service.metrics)
     app.openapi = lambda: _described(app)  # pyright: ignore[reportAttributeAccessIssue]
     return app
+
+
+def _with_long_names(header: bytes | str | None) -> tuple[bytes, dict[bytes, bytes]]:
+    """A part's header, `filename*` understood: some clients name a file with accents by it alone (RFC 8187)."""
+    kind, options = parse_options_header(header)
+    text = header.encode("latin-1") if isinstance(header, str) else header or b""
+    found = re.search(rb"filename\*=utf-8'[^']*'([^;\s]+)", text, re.IGNORECASE)
+    return kind, options if found is None else {**options, b"filename": unquote_to_bytes(found[1])}
 
 
 def _refuse(scope: Any, error: JshellError) -> Any:
@@ -85,7 +98,11 @@ def _warm() -> None:
 def _described(app: FastAPI) -> dict[str, Any]:
     """The description of the API: problems and the token included, the page's own routes left out."""
     if app.openapi_schema is None:
-        found = get_openapi(title=app.title, version=app.version, summary=app.summary, routes=app.routes)
+        root = app.state.service.settings.root_path
+        found = get_openapi(
+            title=app.title, version=app.version, summary=app.summary, routes=app.routes,
+            servers=[{"url": root}] if root else None,
+        )  # fmt: skip
         parts = found.setdefault("components", {})
         parts.setdefault("schemas", {})["ProblemOut"] = ProblemOut.model_json_schema(
             ref_template="#/components/schemas/{model}"

@@ -7,7 +7,6 @@ the log long: half of what keeping a large upload costs.
 Source     SQLite documentation: Write-Ahead Logging, checkpoints
 """
 
-import logging
 import sqlite3
 import threading
 import time
@@ -15,7 +14,8 @@ from collections.abc import Callable
 
 from sqlalchemy.exc import SQLAlchemyError
 
-log = logging.getLogger("jshell.service")
+from jshell.service.log import log
+
 QUIET = 0.2  # [s] without a write after which the log is checkpointed
 LONGEST = 128 * 2**20  # bytes of a log that are checkpointed in the middle of a commit after all
 

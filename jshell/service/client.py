@@ -7,39 +7,29 @@ Idempotency-Key, so that it is one job; a full queue is waited for.
 import json
 import os
 import time
-import uuid
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from urllib.parse import quote
 
-import jshell.errors
 from jshell import io
 from jshell.calibration import BatchResult, FitResult, Recordings, load
 from jshell.calibration.recordings import stacked
 from jshell.dynamics import Mode
-from jshell.errors import BadValue, JshellError, NotOk, require_extra
+from jshell.errors import BadValue, JshellError, require_extra
 from jshell.files import NamedBytes
 from jshell.service import batches, chunks, sending
+from jshell.service.asking import Asking, error_of
+from jshell.service.asking import Unreachable as Unreachable
 from jshell.service.settings import MAX_BODY_BYTES
 from jshell.shell import Reduced
 from jshell.trace import Trace
 
-if TYPE_CHECKING:
-    import httpx
-
 LOCAL = "http://127.0.0.1:8765"
 PLURAL = {"fit": "fits", "batch": "batches", "simulate": "simulations", "modes": "modes"}
 OVER = ("done", "failed", "cancelled")
-AGAIN = (429, 503)  # worth another try
 Data = str | Path | Trace
-
-
-class Unreachable(JshellError, OSError):
-    """No service answers at the address."""
-
-    code = "unreachable"
 
 
 class NotDone(BadValue):
@@ -78,11 +68,19 @@ class Job:
         return self.client.job(self.id, self.kind)
 
     def wait(self, seconds: float | int = 600.0) -> "Job":
-        """The job once it is over; as it stands after `seconds` where it is not."""
-        begun, job = time.monotonic(), self if self.over else self.now()
-        while not job.over and (spent := time.monotonic() - begun) < seconds:
-            time.sleep(min(max(0.02, 0.1 * spent), 1.0, seconds - spent))  # a tenth late at most
-            job = job.now()
+        """The job once it is over; as it stands after `seconds` where it is not. A service may be restarted meanwhile.
+
+        Raises:
+            Unreachable: There is no service at the end of that time.
+        """
+        begun, job = time.monotonic(), self
+        until = begun + max(seconds, 0.1)
+        while not job.over:
+            job = self.client._look(self.id, self.kind, until)
+            spent = time.monotonic() - begun
+            if spent >= seconds:
+                break
+            time.sleep(0 if job.over else min(max(0.02, 0.1 * spent), 1.0, seconds - spent))  # a tenth late at most
         return job
 
     def cancel(self) -> "Job":
@@ -109,13 +107,13 @@ class Job:
         return self.client.result(job)
 
 
-class Client:
+class Client(Asking):
     """A running service.
 
     Args:
         url: Its address, as `jshell serve` prints it.
         token: Where the service asks for one; by default the environment's JSHELL_TOKEN.
-        timeout: Longest time for one answer [s].
+        timeout: Longest time for one answer, from its request to its last byte [s].
         patience: Time for which lost requests and a full queue are tried again [s].
 
     Raises:
@@ -133,7 +131,7 @@ class Client:
         httpx = require_extra("httpx", "service", "jshell.Client")
         token = os.environ.get("JSHELL_TOKEN") if token is None else token
         headers = {"Authorization": f"Bearer {token}"} if token else {}
-        self.url, self.patience = url.rstrip("/"), patience
+        self.url, self.patience, self.timeout = url.rstrip("/"), patience, timeout
         try:
             self._http = httpx.Client(base_url=self.url, headers=headers, timeout=timeout, trust_env=False)
         except (httpx.InvalidURL, TypeError) as error:
@@ -174,9 +172,7 @@ class Client:
         """
         listed = [traces] if isinstance(traces, str | Path | Trace) else list(traces)
         ids = [one if sending.is_id(one) else self.upload(one) for one in listed]
-        return self._job(
-            self._send("POST", "/fits", json=sending.fit_options(options) | {"traces": ids}, key=key).json()
-        )
+        return self._told_job("POST", "/fits", json=sending.fit_options(options) | {"traces": ids}, key=key)
 
     def fit_batch(
         self, traces: Recordings | Sequence[Trace] | str | Path, *, seconds: float | int = 3600.0, **options: Any
@@ -224,9 +220,9 @@ class Client:
         words = json.dumps(sending.plain(options))
         if len(content) <= MAX_BODY_BYTES:  # without a form, which takes less
             there = f"/batches/file/{quote(name, safe='')}"
-            return self._job(self._send("POST", there, key=key, params={"options": words}, body=content).json())
+            return self._told_job("POST", there, key=key, params={"options": words}, body=content)
         given = {"files": {"files": (name, content)}, "data": {"options": words}}
-        return self._job(self._send("POST", "/batches", key=key, **given).json())
+        return self._told_job("POST", "/batches", key=key, **given)
 
     def simulate(self, conditions: Reduced, *, seconds: float | int = 600.0, **options: Any) -> Trace:
         """A run of the simulator, there.
@@ -237,8 +233,8 @@ class Client:
             **options: `duration`, `ramp`, `elements`.
         """
         asked = sending.numbers(conditions)
-        sent = self._send("POST", "/simulate", json=asked | {"model": "simulator"} | sending.plain(options))
-        return self._job(sent.json()).result(seconds)
+        words = asked | {"model": "simulator"} | sending.plain(options)
+        return self._told_job("POST", "/simulate", json=words).result(seconds)
 
     def modes(self, conditions: Reduced, *, seconds: float | int = 600.0, **options: Any) -> tuple[Mode, ...]:
         """Small vibrations of a shell about its rest shape, found there.
@@ -249,7 +245,7 @@ class Client:
             **options: `liquid`, `count`, `elements`, `attached`, as in `jshell.dynamics.modes`.
         """
         asked = sending.numbers(conditions)
-        return self._job(self._send("POST", "/modes", json=asked | sending.plain(options)).json()).result(seconds)
+        return self._told_job("POST", "/modes", json=asked | sending.plain(options)).result(seconds)
 
     def upload(self, trace: Data, conditions: Mapping[str, float] | None = None, **said: Any) -> str:
         """Hand a trace in; the same bytes are kept once.
@@ -268,7 +264,7 @@ class Client:
             name, content = sending.content(trace)
         data = {} if conditions is None else {"conditions": json.dumps(dict(conditions))}
         data |= {"reading": sending.reading(said)} if said else {}
-        return self._send("POST", "/traces", files={"file": (name, content)}, data=data).json()["id"]
+        return self._told(lambda found: str(found["id"]), "POST", "/traces", files={"file": (name, content)}, data=data)
 
     def job(self, id: str, kind: str = "fit") -> Job:
         """A job as it stands.
@@ -276,20 +272,20 @@ class Client:
         Raises:
             NotFound: No such job.
         """
-        return self._job(self._send("GET", f"/{PLURAL[kind]}/{id}").json())
+        return self._told_job("GET", f"/{PLURAL[kind]}/{id}")
 
     def jobs(self, kind: str = "fit", state: str | None = None) -> Iterator[Job]:
         """All jobs of a kind, the latest first."""
         address: str | None = f"/{PLURAL[kind]}?limit=200" + ("" if state is None else f"&state={state}")
         while address is not None:
-            page = self._send("GET", address).json()
-            yield from map(self._job, page["jobs"])
-            address = None if page["next"] is None else page["next"].removeprefix("/api/v1")
+            page, further = self._told(lambda found: ([*map(self._job, found["jobs"])], found["next"]), "GET", address)
+            yield from page
+            address = None if further is None else further.removeprefix("/api/v1")
 
     def cancel(self, job: Job | str, kind: str = "fit") -> Job:
         """Call a job off; one that is over stays as it is."""
         id, kind = (job.id, job.kind) if isinstance(job, Job) else (job, kind)
-        return self._job(self._send("DELETE", f"/{PLURAL[kind]}/{id}").json())
+        return self._told_job("DELETE", f"/{PLURAL[kind]}/{id}")
 
     def result(self, job: Job | str, kind: str = "fit") -> Any:
         """What a job that is done found: `FitResult`, `BatchResult`, `Trace`, or a row per mode.
@@ -300,81 +296,36 @@ class Client:
         id, kind = (job.id, job.kind) if isinstance(job, Job) else (job, kind)
         if kind == "batch":
             return batches.unpack_result(self._send("GET", f"/batches/{id}.npz").content)
-        content = self._send("GET", f"/{PLURAL[kind]}/{id}.json").content
         if kind == "modes":
-            return tuple(Mode(**row) for row in json.loads(content))
+            return self._told(lambda rows: tuple(Mode(**row) for row in rows), "GET", f"/modes/{id}.json")
+        content = self._send("GET", f"/{PLURAL[kind]}/{id}.json").content
         file = NamedBytes("record.json", content)
         return load(file) if kind == "fit" else io.read_trace(file)
 
     def profile(self, job: Job | str) -> dict[str, Any] | None:
         """Profile intervals of a fit, where they were asked for; as `Profile.record()` says them."""
         id = job.id if isinstance(job, Job) else job
-        return (self._send("GET", f"/fits/{id}").json()["result"] or {}).get("profile")
+        return self._told(lambda found: (found["result"] or {}).get("profile"), "GET", f"/fits/{id}")
 
     def healthy(self) -> bool:
-        """Whether the service is there and takes jobs."""
+        """Whether jshell's service is there and takes jobs."""
         import httpx
 
         try:
-            return self._http.get("/healthz").status_code == 200
-        except httpx.TransportError:
+            answer = self._answer(self.timeout, "GET", "/healthz")
+            return answer.status_code == 200 and answer.json()["status"] == "ok" and bool(answer.json()["version"])
+        except (httpx.RequestError, ValueError, KeyError, TypeError, RecursionError):
             return False
 
     def _job(self, found: Mapping[str, Any]) -> Job:
-        error = None if found["error"] is None else _error(found["error"])
+        error = None if found["error"] is None else error_of(found["error"])
         return Job(
             self, found["id"], found["kind"], found["state"], float(found["progress"]), found["specification"], error
         )
 
-    def _send(
-        self, method: str, address: str, *, key: str | None = None, body: bytes | None = None, **given: Any
-    ) -> "httpx.Response":
-        """A request, tried again while that can help; errors as the library's."""
-        import httpx
+    def _look(self, id: str, kind: str, until: float) -> Job:
+        """A job as it stands, asked for until then: whoever waits for it waits for its service, too."""
+        return self._told_job("GET", f"/{PLURAL[kind]}/{id}", until=until)
 
-        if method == "POST":
-            given["headers"] = {"Idempotency-Key": key or uuid.uuid4().hex}
-        if body is not None:
-            given["headers"] |= {"Content-Type": "application/octet-stream", "Content-Length": str(len(body))}
-        until, pause = time.monotonic() + self.patience, 0.1
-        while True:
-            try:
-                if body is not None:
-                    given["content"] = sending.pieces(body)
-                response = self._http.request(method, f"/api/v1{address}", **given)
-            except httpx.TransportError as error:
-                if time.monotonic() + pause > until or isinstance(error, httpx.ConnectError):
-                    raise Unreachable(
-                        self.url, found=str(error) or type(error).__name__, expected="an answer",
-                        remedy="Start it with `jshell serve`, or check the address.",
-                    ) from None  # fmt: skip
-            else:
-                if response.status_code < 400:
-                    return response
-                if response.status_code not in AGAIN or time.monotonic() + pause > until:
-                    raise _problem(response)
-                pause = max(pause, min(float(response.headers.get("Retry-After", pause)), 2.0))
-            time.sleep(pause)
-            pause = min(2 * pause, 2.0)
-
-
-def _problem(response: "httpx.Response") -> JshellError:
-    """The error that a problem of RFC 9457 carries."""
-    try:
-        return _error(response.json())
-    except (ValueError, KeyError, TypeError):
-        return Unreachable(
-            str(response.url), found=f"status {response.status_code} from something else", expected="jshell's service",
-            remedy="Check the address.",
-        )  # fmt: skip
-
-
-def _error(found: Mapping[str, Any]) -> JshellError:
-    """An error of the library from its words."""
-    words = {name: str(found[name]) for name in ("found", "expected", "remedy")}
-    words["expected"] = words["expected"] or "a result"
-    kinds = [kind for kind in vars(jshell.errors).values() if isinstance(kind, type) and issubclass(kind, JshellError)]
-    kind = next((one for one in kinds if one.code == found["code"] and one is not NotOk), JshellError)
-    error = kind(str(found["place"]), **words)
-    error.code = str(found["code"])
-    return error
+    def _told_job(self, method: str, address: str, **given: Any) -> Job:
+        return self._told(self._job, method, address, **given)

@@ -7,6 +7,7 @@ machines have several clocks.
 """
 
 import contextlib
+import re
 import sqlite3
 import threading
 import time
@@ -20,6 +21,7 @@ from sqlalchemy.engine import make_url
 from jshell.errors import BadStore, BadValue, StoreUnavailable, require_extra
 from jshell.service import tables
 from jshell.service.checkpoints import LONGEST, Checkpoints
+from jshell.service.log import log
 from jshell.service.statements import SERVER_CLOCK
 
 PAGE = 16384  # bytes of a page of a new SQLite file: a large upload is written in a quarter of the pieces
@@ -78,6 +80,7 @@ class Database:
         except BaseException:
             self.close()
             raise
+        self.place = "database"  # where it lies is for its keeper only, who has started it
 
     def close(self) -> None:
         """Let go of every connection."""
@@ -213,6 +216,9 @@ class Database:
             raise self._unavailable("every connection in use") from error
 
     def _unavailable(self, words: str) -> StoreUnavailable:
+        if self.place == "database":
+            log.warning("the database: %s", words)
+            words = re.sub(r"[\w.]*/\S+|\"[^\"]*\"", "…", words)
         remedy = "Check that it can be reached and written, then try again; nothing that was accepted is lost."
         for mark, advice in _ADVICE:
             if mark in words:

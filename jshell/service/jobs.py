@@ -13,7 +13,7 @@ from jshell.calibration import BatchResult, FitResult
 from jshell.errors import BadFile, JshellError, NotFound
 from jshell.files import NamedBytes
 from jshell.service import batches
-from jshell.service.problems import NotReady
+from jshell.service.problems import Refused
 from jshell.service.safety import neutral_csv
 from jshell.service.schemas import Conditions, FitRequest, ModesRequest, SimulateRequest, finite
 from jshell.service.store import JobRow, Store
@@ -83,11 +83,12 @@ def file_of(store: Store, job: JobRow, suffix: str) -> bytes:
     """A result of a job; tables without formulas.
 
     Raises:
-        NotReady: The job is not done.
+        Refused: The job is not done.
     """
     if job.state != "done":
-        raise NotReady(
+        raise Refused(
             f"job {job.id!r}",
+            code="not_ready",
             found=f"state {job.state}",
             expected="state done",
             remedy="Wait until it is done." if not job.over else f"See {address(job)} for why it has no result.",

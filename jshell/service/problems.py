@@ -6,7 +6,6 @@ nobody foresaw has an identifier and no traceback; the traceback stands in the l
 Source     RFC 9457, Problem Details for HTTP APIs; RFC 6585 (429)
 """
 
-import logging
 import re
 import uuid
 from collections.abc import Mapping, Sequence
@@ -20,53 +19,21 @@ from fastapi.responses import JSONResponse, Response
 from starlette.exceptions import HTTPException
 
 from jshell.errors import JshellError
+from jshell.service.log import log, trace_of
 
 MEDIA_TYPE = "application/problem+json"
 RETRY_AFTER = 5  # seconds after which a refused request may be worth another try
 SHOWN = 120  # characters of what was found that a message repeats
-_log = logging.getLogger("jshell.service")
 
 
 class Refused(JshellError):
-    """A request that the service itself refuses."""
+    """A request that the service itself refuses; its code is one of `KINDS`."""
 
-    code = "bad_request"
-
-
-class NotReady(Refused):
-    """A job has no such result, yet or ever."""
-
-    code = "not_ready"
-
-
-class TooLarge(Refused):
-    """More bytes than one request may bring."""
-
-    code = "too_large"
-
-
-class TooSlow(Refused):
-    """A body that does not arrive in time."""
-
-    code = "too_slow"
-
-
-class NoToken(Refused):
-    """The request does not bear the service's token."""
-
-    code = "no_token"
-
-
-class WrongHost(Refused):
-    """The service was called by a name that is not its own."""
-
-    code = "wrong_host"
-
-
-class CrossSite(Refused):
-    """A page of another site asks this one to change something."""
-
-    code = "cross_site"
+    def __init__(
+        self, place: str, *, found: str, expected: str, remedy: str, code: str = "bad_request", after: int = 0
+    ) -> None:
+        super().__init__(place, found=found, expected=expected, remedy=remedy)
+        self.code, self.after = code, after  # [s] after which it may be worth another try
 
 
 @dataclass(frozen=True)
@@ -97,6 +64,7 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
         "no_token": Kind(401, "A token is needed", "The service is open to other machines and asks for its token."),
         "cross_site": Kind(403, "A request from another site", "Another site may read and change nothing here."),
         "wrong_host": Kind(421, "A name that is not this server's", "The Host header is not among the allowed hosts."),
+        "too_many": Kind(429, "Too many at once", "More from one address than the service takes; try again later."),
         "queue_full": Kind(429, "The queue is full", "As many jobs wait as may wait; try again later."),
         "store_unavailable": Kind(503, "The database does not answer", "It cannot be read or written now; try again."),
         "bad_store": Kind(503, "The database is damaged", "It was refused and left as it is; see the remedy."),
@@ -111,7 +79,7 @@ _BY_STATUS = MappingProxyType({400: "bad_request", 404: "not_found", 405: "wrong
 
 def brief(text: object) -> str:
     """What was found, short enough for a message."""
-    words = text if isinstance(text, str) else repr(text)
+    words = (text if isinstance(text, str) else repr(text)).encode(errors="replace").decode()
     return words if len(words) <= SHOWN else words[: SHOWN - 1] + "…"
 
 
@@ -143,8 +111,10 @@ def answer(error: JshellError, path: str, more: Mapping[str, Any] = MappingProxy
 
 def headers_of(error: JshellError) -> dict[str, str]:
     """What beside the body a refusal says."""
-    if error.code in ("queue_full", "store_unavailable"):
-        return {"Retry-After": str(RETRY_AFTER)}
+    if error.code in ("queue_full", "store_unavailable", "too_many"):
+        return {"Retry-After": str(getattr(error, "after", 0) or RETRY_AFTER)}
+    if error.code == "too_slow":
+        return {"Connection": "close"}  # what comes later would be taken for the next request
     return {"WWW-Authenticate": 'Bearer realm="jshell"'} if error.code == "no_token" else {}
 
 
@@ -153,14 +123,13 @@ def of_validation(errors: Sequence[Any]) -> JshellError:
     first = errors[0]
     place = ".".join(str(part) for part in first.get("loc", ("request",))) or "request"
     code = {"extra_forbidden": "bad_name", "json_invalid": "bad_request"}.get(str(first.get("type")), "bad_value")
-    error = Refused(
+    return Refused(
         place,
         found=brief(first.get("input")) if "input" in first else "nothing",
         expected=brief(str(first.get("msg", "another value"))),
         remedy="See the API's page at /api.",
+        code=code,
     )
-    error.code = code
-    return error
 
 
 def listed(errors: Sequence[Any]) -> list[dict[str, str]]:
@@ -181,21 +150,17 @@ def of_status(status: int, detail: object, path: str) -> JshellError:
     found, expected, remedy = known.get(
         status, (brief(str(detail)), "a request that the API describes", "See the API's page at /api.")
     )
-    error = Refused(path, found=found, expected=expected, remedy=remedy)
-    error.code = code
-    return error
+    return Refused(path, found=found, expected=expected, remedy=remedy, code=code)
 
 
 def unforeseen(error: BaseException, path: str) -> JshellError:
-    """An error that nobody foresaw: an identifier for the user, the traceback for the log."""
+    """An error that nobody foresaw: an identifier for the user, and for the log where it came from, in one record."""
     identifier = uuid.uuid4().hex[:12]
-    _log.error("error %s at %s", identifier, path, exc_info=error)
-    found = Refused(
-        path, found=f"an error of the service, {identifier}", expected="none",
+    log.error("error %s at %s\n%s", identifier, path, trace_of(error))
+    return Refused(
+        path, found=f"an error of the service, {identifier}", expected="none", code="internal",
         remedy=f"Try again; if it stays, look for {identifier} in the service's log.",
     )  # fmt: skip
-    found.code = "internal"
-    return found
 
 
 def allowed(description: Mapping[str, Any], path: str) -> list[str]:
@@ -222,7 +187,6 @@ def render_errors(app: FastAPI, page: Any = None) -> None:
         programs = path.startswith(("/api/v1", "/healthz", "/metrics"))
         if page is not None and not programs:
             response = page(request, error, KINDS.get(error.code, KINDS["bad_request"]))
-            response.headers.update(headers_of(error))
         else:
             response = answer(error, path, extra)
         response.headers.update(headers)
@@ -244,7 +208,3 @@ def render_errors(app: FastAPI, page: Any = None) -> None:
             methods = allowed(app.openapi(), request.url.path)
             headers |= {"Allow": ", ".join(methods)} if methods else {}
         return render(request, found, {}, headers)
-
-    @app.exception_handler(Exception)
-    def of_nobody(request: Request, error: Exception) -> Response:
-        return render(request, unforeseen(error, request.url.path), {}, {})

@@ -7,16 +7,18 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
+from typing import Any
 
 from jshell import io
 from jshell.calibration.data import usual_channels
-from jshell.errors import JshellError
+from jshell.errors import BadValue, JshellError
 from jshell.files import NamedBytes
 from jshell.io.choices import Reading
 from jshell.io.formats import FORMATS, READ_ONLY, read_sheet
 from jshell.io.headers import CONDITION_KEYS
 from jshell.io.tables import Understood, understood
 from jshell.io.units import PURE
+from jshell.service.problems import brief
 from jshell.service.store import Store
 from jshell.shell.parameters import Reduced
 from jshell.trace import Trace
@@ -111,6 +113,38 @@ def check_one_readable(files: Sequence[tuple[str, bytes]]) -> None:
             return
     if first is not None:
         raise first
+
+
+def read_json(text: str | bytes) -> Any:
+    """JSON that every reader understands alike: UTF-8, no name twice in an object, no half of a character.
+
+    Raises:
+        ValueError, RecursionError: It is none.
+    """
+
+    def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        found = dict(pairs)
+        if len(found) < len(pairs):
+            names = [name for name, _ in pairs]
+            raise ValueError(f"the name {next(name for name in names if names.count(name) > 1)!r} twice")
+        return found
+
+    found = json.loads(text.decode() if isinstance(text, bytes) else text, object_pairs_hook=once)
+    json.dumps(found, ensure_ascii=False).encode()
+    return found
+
+
+def json_field(place: str, text: str, expected: str) -> Any:
+    """What a field of a form says in JSON.
+
+    Raises:
+        BadValue: It is none.
+    """
+    try:
+        return read_json(text)
+    except (ValueError, RecursionError) as error:
+        words = f"{brief(text)} ({brief(str(error) or 'too deep')})"
+        raise BadValue(place, found=words, expected=expected, remedy="Write names and values as JSON.") from None
 
 
 def inspected(store: Store, trace: str) -> tuple[str, TraceContent]:

@@ -6,8 +6,10 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from jshell.errors import KeyConflict, NotFound
+from jshell.errors import KeyConflict, NotFound, QueueFull
 from jshell.service.tables import CANCELLED, DONE, FAILED
+
+DIED = "worker_died"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -103,6 +105,23 @@ def key_conflict(key: str) -> KeyConflict:
         found="a request other than the one it was first sent with",
         expected="the same request under the same key",
         remedy="Take a new key for a new request.",
+    )
+
+
+def queue_full(waiting: int, most: int) -> QueueFull:
+    """The refusal of a job while many others wait."""
+    return QueueFull("queue", found=f"{waiting} waiting jobs", expected=f"fewer than {most}", remedy="Try again later.")
+
+
+def given_up_after(deaths: int) -> JobFailure:
+    """Why a job is not tried any more."""
+    return JobFailure(
+        DIED,
+        "worker",
+        f"worker died: {deaths} times in the middle of this job",
+        "",
+        "Look at the memory of the machine and at the log of the service; a shorter record needs less. "
+        "Sent again, it is tried anew.",
     )
 
 

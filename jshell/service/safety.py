@@ -14,15 +14,20 @@ import hmac
 import io
 import re
 import unicodedata
+from collections import Counter
 from collections.abc import Awaitable, Callable, Iterable, MutableMapping
 from http.cookies import CookieError, SimpleCookie
 from typing import Any
 from urllib.parse import quote, urlsplit
 
+from starlette.concurrency import run_in_threadpool
+
 from jshell.errors import BadValue, JshellError
 from jshell.io.sheets import NUMBER
+from jshell.service import sessions
 from jshell.service.batches import FORMULA
-from jshell.service.problems import CrossSite, NoToken, TooLarge, TooSlow, WrongHost
+from jshell.service.database import Database
+from jshell.service.problems import Refused, unforeseen
 from jshell.service.settings import LOCAL, MAX_BODY_BYTES, Settings
 
 Scope = MutableMapping[str, Any]
@@ -32,11 +37,15 @@ Send = Callable[[Message], Awaitable[None]]
 App = Callable[[Scope, Receive, Send], Awaitable[None]]
 Refuse = Callable[[Scope, JshellError], App]
 
-COOKIE = "jshell_token"
+COOKIE = "jshell_session"
 OPEN = ("/healthz", "/login", "/static/")  # what needs no token
 SAFE = ("GET", "HEAD", "OPTIONS")
 LARGE = 2**20  # bytes of a body that is no form from which only some are read at the same time
 MAX_LARGE_BODIES = 8  # of these; the others wait in the network, and their time does not run
+DOOR = 4096  # bytes of a body that comes without a token
+AT_DOOR = 8  # of these from one address at the same time
+SLOWEST = 4096.0  # bytes a second that a body must bring, once it has had
+FIRST = 10.0  # [s] to begin
 NAME = 120  # characters of a file's name that are kept
 HEADERS = (
     (b"content-security-policy", b"default-src 'self'; img-src 'self' data:; object-src 'none'; base-uri 'none'; "
@@ -77,13 +86,15 @@ class Gate:
     Args:
         app: What comes after.
         settings: Names, token and limits.
+        database: Knows the sessions of browsers.
         refuse: Makes of an error the answer.
     """
 
-    def __init__(self, app: App, settings: Settings, refuse: Refuse) -> None:
-        self.app, self.settings, self.refuse = app, settings, refuse
+    def __init__(self, app: App, settings: Settings, database: Database, refuse: Refuse) -> None:
+        self.app, self.settings, self.database, self.refuse = app, settings, database, refuse
         self.hosts = {host.lower().strip("[]") for host in settings.allowed_hosts}
         self.large_bodies = asyncio.Semaphore(MAX_LARGE_BODIES)
+        self.at_door: Counter[str] = Counter()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":
@@ -91,12 +102,24 @@ class Gate:
             return
         headers = {name.lower(): value.decode("latin-1") for name, value in scope["headers"]}
         dressed = self._dressed(send)
-        error = self._error(scope, headers)
+        root = self.settings.root_path
+        if root and scope["path"].startswith(f"{root}/"):  # a proxy in front may take its own part away, or not
+            scope = {**scope, "path": scope["path"][len(root) :], "raw_path": b""}
+        path, address = scope["path"], (scope.get("client") or ("",))[0]
+        at_door = bool(self.settings.token) and is_open(path) and scope["method"] not in SAFE
+        most = DOOR if at_door else self._most(headers)
+        error = self._error(scope, headers, most) or await self._stranger(path, headers)
+        if error is None and at_door and self.at_door[address] >= AT_DOOR:
+            error = Refused(
+                "address", found=f"{AT_DOOR} requests without a token under way", expected="fewer at once",
+                remedy="Try again later.", code="too_many",
+            )  # fmt: skip
         if error is not None:
             await self.refuse(scope, error)(scope, receive, dressed)
             return
-        counted = _Counted(receive, self._most(headers), self.settings.arrival, _is_form(headers))
+        counted = _Counted(receive, most, FIRST if at_door else self.settings.arrival, _is_form(headers))
         started = False
+        self.at_door[address] += at_door
 
         async def watched(message: Message) -> None:
             nonlocal started
@@ -105,19 +128,25 @@ class Gate:
                 await dressed(message)
 
         try:
-            async with self.large_bodies if _is_large(headers) else contextlib.nullcontext():
-                await self.app(scope, counted, watched)
-        except (TooLarge, TooSlow):
-            if started:
-                raise
+            async with self.large_bodies if _is_large(headers) and not at_door else contextlib.nullcontext():
+                # what looks is answered without its body, which the server leaves out by the scope it was given
+                asked = {**scope, "method": "GET"} if scope["method"] == "HEAD" else scope
+                await self.app(asked, counted, watched)
+        except Exception as fault:  # the outer edge: one record in the log, an answer where none has begun
+            counted.error = counted.error or unforeseen(fault, scope["path"])
+        finally:
+            self.at_door[address] -= at_door
+            if not self.at_door[address]:
+                del self.at_door[address]
         if counted.error is not None and not started:
             await self.refuse(scope, counted.error)(scope, receive, dressed)
 
-    def _error(self, scope: Scope, headers: dict[bytes, str]) -> JshellError | None:
+    def _error(self, scope: Scope, headers: dict[bytes, str], most: int) -> JshellError | None:
         host = headers.get(b"host", "")
         if _name(host) not in self.hosts:
-            return WrongHost(
+            return Refused(
                 "header Host",
+                code="wrong_host",
                 found=repr(host[:80]),
                 expected="one of " + ", ".join(sorted(self.hosts)),
                 remedy="Call the service by one of its names, or start it with --allow-host NAME.",
@@ -126,21 +155,32 @@ class Gate:
             error = _cross_site(headers, host)
             if error is not None:
                 return error
+        charset = re.search(r"charset=[\"']?([^;\"'\s]*)", headers.get(b"content-type", "").lower())
+        if charset is not None and charset[1] not in ("utf-8", "utf8", "us-ascii"):
+            return Refused(
+                "header Content-Type", found=repr(charset[1][:80]), expected="UTF-8", remedy="Send it as UTF-8."
+            )
         length = headers.get(b"content-length", "0")
-        if length.isdecimal() and int(length) > self._most(headers):
-            return too_large(int(length), self._most(headers), _is_form(headers))
-        token = self.settings.token
-        path = scope["path"]
-        if token and not any(path == one or (one[-1] == "/" and path.startswith(one)) for one in OPEN):
-            given = _bearer(headers) or _cookie(headers)
-            if not hmac.compare_digest(given.encode(), token.encode()):
-                return NoToken(
-                    "header Authorization",
-                    found="no token" if not given else "another token",
-                    expected="Bearer and the service's token",
-                    remedy="Ask its keeper for the token; a browser gives it at /login.",
-                )
+        if length.isdecimal() and int(length) > most:
+            return too_large(int(length), most, _is_form(headers))
         return None
+
+    async def _stranger(self, path: str, headers: dict[bytes, str]) -> JshellError | None:
+        """The refusal of who shows neither the token nor the cookie of a session."""
+        token, given, session = self.settings.token, _bearer(headers), _cookie(headers)
+        if not token or is_open(path) or hmac.compare_digest(given.encode(), token.encode()):
+            return None
+        try:
+            if session and await run_in_threadpool(sessions.is_known, self.database, session):
+                return None
+        except JshellError as error:
+            return error
+        return Refused(
+            "header Authorization", code="no_token",
+            found="another token" if given else "a session that has ended" if session else "no token",
+            expected="Bearer and the service's token",
+            remedy="Ask its keeper for the token; a browser gives it at /login.",
+        )  # fmt: skip
 
     def _most(self, headers: dict[bytes, str]) -> int:
         """The largest body: files of a form wait on the disk, anything else in memory."""
@@ -149,6 +189,11 @@ class Gate:
     def _dressed(self, send: Send) -> Send:
         async def dressed(message: Message) -> None:
             if message["type"] == "http.response.start":
+                root = self.settings.root_path.encode()
+                message["headers"] = [
+                    (name, root + value if name.lower() == b"location" and value.startswith(b"/") else value)
+                    for name, value in message["headers"]
+                ]
                 present = {name.lower() for name, _ in message["headers"]}
                 message["headers"] = [
                     *message["headers"], *((name, value) for name, value in HEADERS if name not in present)
@@ -163,7 +208,7 @@ class _Counted:
 
     def __init__(self, receive: Receive, most: int, seconds: float | int, form: bool) -> None:
         self.receive, self.most, self.seconds, self.form = receive, most, seconds, form
-        self.bytes, self.until, self.done = 0, 0.0, False
+        self.bytes, self.begun, self.done = 0, 0.0, False
         self.error: JshellError | None = None
 
     async def __call__(self) -> Message:
@@ -172,13 +217,15 @@ class _Counted:
         if self.done:
             return await self.receive()
         now = asyncio.get_running_loop().time()
-        self.until = self.until or now + self.seconds
+        self.begun = self.begun or now
+        until = self.begun + min(self.seconds, FIRST + self.bytes / SLOWEST)
         try:
-            async with asyncio.timeout_at(self.until):
+            async with asyncio.timeout_at(until):
                 message = await self.receive()
         except TimeoutError:
-            self.error = TooSlow(
-                "body", found=f"not all of it after {self.seconds:g} s", expected="all of it by then",
+            self.error = Refused(
+                "body", found=f"{self.bytes} bytes after {now - self.begun:.3g} s, and no end", code="too_slow",
+                expected=f"all of it within {self.seconds:g} s, and {SLOWEST / 1024:g} KiB/s on the way",
                 remedy="Send less at once, or over a faster line.",
             )  # fmt: skip
             raise self.error from None
@@ -203,15 +250,21 @@ def _is_large(headers: dict[bytes, str]) -> bool:
     return b"transfer-encoding" in headers or not length.isdecimal() or int(length) > LARGE
 
 
-def too_large(found: int, most: int, form: bool) -> TooLarge:
+def too_large(found: int, most: int, form: bool) -> Refused:
     """The refusal of a body that is larger than `most` bytes; a form may hold more than others."""
     more = "" if form else "; as files of a form they may be larger"
-    return TooLarge(
+    return Refused(
         "body",
+        code="too_large",
         found=f"{found / 2**20:.3g} MiB or more",
         expected=f"at most {most / 2**20:.3g} MiB",
         remedy=f"Keep every tenth row, cut the record, or send several uploads{more}.",
     )
+
+
+def is_open(path: str) -> bool:
+    """Whether an address asks for no token."""
+    return any(path == one or (one[-1] == "/" and path.startswith(one)) for one in OPEN)
 
 
 def _name(host: str) -> str:
@@ -227,8 +280,8 @@ def _cross_site(headers: dict[bytes, str], host: str) -> JshellError | None:
     strange = origin is not None and urlsplit(origin).netloc.lower() != host.lower()
     if not strange and site in ("none", "same-origin"):
         return None
-    return CrossSite(
-        "header Origin", found=repr((origin or site)[:80]), expected="this service's own pages",
+    return Refused(
+        "header Origin", code="cross_site", found=repr((origin or site)[:80]), expected="this service's own pages",
         remedy="Open the service's page itself, or use its API from a program.",
     )  # fmt: skip
 

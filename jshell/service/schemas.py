@@ -5,17 +5,22 @@ the library parses itself. Nothing here can name a function or a file.
 """
 
 import math
+import re
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
+import jax.numpy as jnp
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, StringConstraints, create_model
 from typing_extensions import TypedDict  # pydantic needs this one below Python 3.12
 
 from jshell.calibration.options import CONDITIONS, CONSTANTS, OPTIONS, choices_of, default_of, words_of
+from jshell.calibration.parameters import Expression
+from jshell.errors import BadValue
 from jshell.shell.presets import R
 
 Id = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{8,64}$", max_length=64)]
 Text = Annotated[str, StringConstraints(min_length=1, max_length=200)]
-Constant = Annotated[str, StringConstraints(pattern=rf"^({'|'.join(CONSTANTS)})(\[[1-9][0-9]{{0,4}}\])?$")]
+CONSTANT = rf"^({'|'.join(CONSTANTS)})(\[[1-9][0-9]{{0,4}}\])?$"
+Constant = Annotated[str, StringConstraints(pattern=CONSTANT)]
 Condition = Literal[CONDITIONS]
 Key = Annotated[str, StringConstraints(min_length=1, max_length=200, pattern=r"^[\x21-\x7e]+$")]
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-1e12, le=1e12)]
@@ -55,6 +60,23 @@ def _ordered(pair: tuple[float | None, float | None]) -> tuple[float | None, flo
 Bounds = Annotated[tuple[Number | None, Number | None], AfterValidator(_ordered)]
 
 
+def _can_be(text: str) -> str:
+    """A tie as it came, once it has been tried on a few values: a worker would only find out later."""
+    try:
+        tie = Expression(text)
+        for name in tie.names:
+            if not re.fullmatch(CONSTANT, name):
+                raise ValueError(f"{name!r} is no constant of the model: {', '.join(CONSTANTS)}")
+        found = [float(tie({name: jnp.asarray(value) for name in tie.names})) for value in (0.73, 1.37, 2.9)]
+    except BadValue as error:
+        raise ValueError(f"found {error.found}; expected {error.expected}") from None
+    except (ArithmeticError, RecursionError, MemoryError) as error:
+        raise ValueError(f"it has no value: {str(error) or type(error).__name__}") from None
+    if not any(map(math.isfinite, found)):
+        raise ValueError(f"it has no finite value: {found[0]}")
+    return text
+
+
 class Prior(Wire):
     """What is known of a parameter before the data."""
 
@@ -70,7 +92,7 @@ _MANY: dict[str, Any] = {"default_factory": dict, "max_length": 100}
 _WIRE: dict[str, tuple[Any, dict[str, Any]]] = {  # what may come over the wire of an option, and how much of it
     "fix": (dict[Constant, Number], _MANY),
     "bounds": (dict[Constant, Bounds], _MANY),
-    "tie": (dict[Constant, Text], _MANY),
+    "tie": (dict[Constant, Annotated[Text, AfterValidator(_can_be)]], _MANY),
     "local": (list[Constant | Condition], {"default_factory": list, "max_length": 20}),
     "uncertain": (dict[Condition, Positive | None], {"default_factory": dict}),
     "priors": (dict[Constant, Prior], _MANY),

@@ -1,28 +1,25 @@
 """The service on its way: opened, listening, and drained when it is told to stop."""
 
+import contextlib
+import os
 import signal
 import socket
-import sys
 from collections.abc import Callable
+from types import FrameType
 
 from jshell.errors import BadValue, require_extra
 from jshell.service.settings import Settings
 
 HEADER = 16 * 1024  # bytes of a request's line and headers
-CONNECTIONS = 512  # open at the same time; more are told to come back
 IDLE = 15  # seconds that a quiet connection is kept
-PACKAGES = (
-    "uvicorn",
-    "fastapi",
-    "sqlalchemy",
-    "jinja2",
-    "python_multipart",
-    "prometheus_client",
-)  # of the extra `service`
+PACKAGES = ("uvicorn", "fastapi", "sqlalchemy", "jinja2", "python_multipart", "prometheus_client")  # of the extra
 
 
 def serve(settings: Settings, report: Callable[[str], None] | None = None) -> None:
     """Listen until a signal says stop; then finish or give back what runs, within ten seconds.
+
+    A signal during the start ends the process at once, with 0: nothing was accepted yet. After this returns the process
+    should end without Python's own goodbyes, for a thread that compiles would abort it.
 
     Args:
         settings: What the keeper chose.
@@ -38,6 +35,7 @@ def serve(settings: Settings, report: Callable[[str], None] | None = None) -> No
     import uvicorn
 
     from jshell.service.app import create_app
+    from jshell.service.connections import MOST, Connection
     from jshell.service.safety import check_open
     from jshell.service.store import Store
     from jshell.service.worker import Worker
@@ -46,22 +44,39 @@ def serve(settings: Settings, report: Callable[[str], None] | None = None) -> No
     listening = _listen(settings)
     store = Store.open(settings.db, queue=settings.queue, attempts=settings.attempts)
     try:
-        app = create_app(settings, store, Worker(settings, store))
+        worker = Worker(settings, store)
+        app = create_app(settings, store, worker)
         config = uvicorn.Config(  # httptools is faster, but reads a header without end
-            app, http="h11", log_level="warning", server_header=False, date_header=True,
-            h11_max_incomplete_event_size=HEADER, limit_concurrency=CONNECTIONS, timeout_keep_alive=IDLE,
-            timeout_graceful_shutdown=2, lifespan="on", access_log=False, proxy_headers=False,
+            app, http=Connection, log_level="warning", server_header=False, date_header=True, backlog=MOST,
+            h11_max_incomplete_event_size=HEADER, timeout_keep_alive=IDLE, timeout_graceful_shutdown=2, lifespan="on",
+            access_log=False, proxy_headers=settings.proxy is not None, forwarded_allow_ips=settings.proxy,
         )  # fmt: skip
+        _raise_limit()
         if report is not None:
             host, port = listening.getsockname()[:2]
             report(f"http://{f'[{host}]' if ':' in host else host}:{port}")
         server = uvicorn.Server(config)
+
+        def told(sig: int, frame: FrameType | None) -> None:
+            worker.stopping.set()  # from now on a process that dies was told to, too
+            uvicorn.Server.handle_exit(server, sig, frame)
+
+        server.handle_exit = told
         for number in (signal.SIGTERM, signal.SIGINT):
-            signal.signal(number, lambda *_: None if server.started else sys.exit(0))
+            signal.signal(number, lambda *_: None if server.started else os._exit(0))
         server.run(sockets=[listening])  # it drains on a signal and then sends it on: to the line above
     finally:
         store.close()
         listening.close()
+
+
+def _raise_limit() -> None:
+    """Have as many files open as the system allows: every connection is one."""
+    with contextlib.suppress(ImportError, OSError, ValueError):  # Windows has no such limit
+        import resource
+
+        most = resource.getrlimit(resource.RLIMIT_NOFILE)[1]
+        resource.setrlimit(resource.RLIMIT_NOFILE, (most if most > 0 else 65536, most))
 
 
 def _listen(settings: Settings) -> socket.socket:
@@ -77,6 +92,6 @@ def _listen(settings: Settings) -> socket.socket:
             "--host, --port", found=f"{settings.host}:{settings.port} ({error.strerror})",
             expected="an address that is free", remedy="Choose another --port; 0 picks one.",
         ) from None  # fmt: skip
-    listening.listen(1024)
+    listening.listen(2048)
     listening.set_inheritable(False)
     return listening

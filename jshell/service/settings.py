@@ -1,5 +1,6 @@
 """Everything about the service that its keeper may choose; the rest is not a choice."""
 
+import re
 from dataclasses import dataclass, field
 
 from jshell.errors import BadValue
@@ -16,8 +17,8 @@ class Settings:
         db: Where jobs are kept: `sqlite:///jshell.db`, or `postgresql+psycopg://user@host/database`.
         engine: Where jobs run: `processes` (spawned), `inline`, or `tcp://host:port` of a Dask scheduler.
         workers: Jobs that run at the same time.
-        lease: Time after which a job whose worker no longer speaks is given to another [s].
-        attempts: Deaths of its worker after which a job is given up.
+        lease: Time without a heartbeat, on the observer's own clock, after which a job is given to another [s].
+        attempts: Deaths of its worker in the middle of it after which a job is given up; restarts do not count.
         seconds: Longest time of one job [s]; spawned processes only.
         memory: Largest resident memory of the process of one job [bytes]; spawned processes on Linux only.
         nice: How far processes of jobs stand back behind the server on a busy machine, 0 to 19.
@@ -31,6 +32,8 @@ class Settings:
         port: Port it listens at.
         token: What a request must bear where the service is open to other machines.
         allowed_hosts: Names by which the service may be called.
+        root_path: Where a proxy in front shows the service, e.g. `/fits`; its addresses begin with it.
+        proxy: Address or network of that proxy, whose word on who asks, and whether by TLS, is believed.
 
     Raises:
         BadValue: A number outside its meaning.
@@ -54,6 +57,8 @@ class Settings:
     port: int = 8765
     token: str | None = field(default=None, repr=False)
     allowed_hosts: tuple[str, ...] = LOCAL
+    root_path: str = ""
+    proxy: str | None = None
 
     def __post_init__(self) -> None:
         for name in ("workers", "lease", "attempts", "seconds", "memory", "queue", "upload", "arrival", "traces"):
@@ -62,5 +67,9 @@ class Settings:
                 raise BadValue(name, found=f"{value:g}", expected="a number above 0", remedy="Leave it out.")
         if not 0 <= self.nice <= 19:
             raise BadValue("nice", found=str(self.nice), expected="0 to 19", remedy="10 is usual.")
+        if self.root_path and not re.fullmatch(r"(/[\w.~-]+)+", self.root_path, re.ASCII):
+            raise BadValue(
+                "root_path", found=repr(self.root_path), expected="/name", remedy="Write it without an end /."
+            )
         if not 0 <= self.port < 2**16:
             raise BadValue("port", found=str(self.port), expected="0 to 65535", remedy="8765 is usual; 0 picks one.")

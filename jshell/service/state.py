@@ -2,12 +2,13 @@
 
 import time
 from collections.abc import Awaitable, Callable, Mapping, MutableMapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 from fastapi import Depends, Request
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, disable_created_metrics, generate_latest
 
+from jshell.service.sessions import Guesses
 from jshell.service.settings import Settings
 from jshell.service.store import Store
 
@@ -75,6 +76,7 @@ class Service:
     settings: Settings
     store: Store
     metrics: Metrics
+    guesses: Guesses = field(default_factory=Guesses)
 
 
 async def _service(request: Request) -> Service:

@@ -16,10 +16,10 @@ SERVER_CLOCK = sa.cast(sa.func.extract("epoch", sa.func.clock_timestamp()), sa.D
 
 @functools.cache
 def new_job(in_file: bool) -> sa.Insert:
-    """A job, unless one of the same content is live; SQLite is given `created` and `ready`, PostgreSQL looks itself."""
+    """A job, unless one of the same content is live; SQLite is given `created`, PostgreSQL looks itself."""
     insert = (sqlite if in_file else postgresql).insert(jobs)
     insert = insert.on_conflict_do_nothing(index_elements=[jobs.c.content], index_where=LIVE).returning(*jobs.c)
-    return insert if in_file else insert.values(created=SERVER_CLOCK, ready=SERVER_CLOCK)
+    return insert if in_file else insert.values(created=SERVER_CLOCK)
 
 
 @functools.cache

@@ -3,7 +3,9 @@
 At least once executed, exactly once recorded. A job that was accepted is on
 the disk. Whoever works on it holds a lease and says so again and again; one
 that falls silent loses the job to another. What it delivers late is refused,
-for a job is finished by owner and attempt, and only once.
+for a job is finished by owner and attempt, and only once. No clock that
+somebody may set decides anything: jobs go by the number that the database gave
+them, silence is what an observer sees on its own steady clock.
 """
 
 import dataclasses
@@ -15,17 +17,29 @@ from typing import Any
 
 import sqlalchemy as sa
 
-from jshell.errors import BadStore, BadValue, NotFound, QueueFull, StoreUnavailable, choose
+from jshell.errors import BadStore, BadValue, NotFound, StoreUnavailable, choose
 from jshell.service import statements, uploads
 from jshell.service.database import Database
 from jshell.service.notifier import Notifier
-from jshell.service.rows import JobFailure, JobRow, Submission, content_of, job_of, key_conflict, unknown_job
-from jshell.service.tables import CANCELLED, DONE, FAILED, QUEUED, RUNNING, STATES, heartbeats, jobs, results
+from jshell.service.rows import (
+    DIED,
+    JobFailure,
+    JobRow,
+    Submission,
+    content_of,
+    given_up_after,
+    job_of,
+    key_conflict,
+    queue_full,
+    unknown_job,
+)
+from jshell.service.silence import Silence
+from jshell.service.tables import CANCELLED, DONE, FAILED, QUEUED, RUNNING, STATES, heartbeats, jobs, keys, results
 from jshell.service.uploads import TraceRow, Upload
 
 KINDS = ("fit", "batch", "simulate", "modes")
-DIED = "worker_died"
-QUIET = 2.0  # [s] that a job rests after its second worker died: what kills workers lets the others go first
+LAST = 2  # deaths of its worker after which a job lets all the others go first
+SILENCE = 15.0  # [s] without a heartbeat after which a job is given to another
 
 
 class Store:
@@ -34,13 +48,14 @@ class Store:
     Args:
         database: Where.
         queue: Jobs that may wait.
-        attempts: Deaths of its worker after which a job is given up.
+        attempts: Deaths of its worker in the middle of it after which a job is given up.
     """
 
     def __init__(self, database: Database, *, queue: int = 1000, attempts: int = 3) -> None:
         self.database, self.queue, self.attempts = database, queue, attempts
         self.notifier = Notifier()  # notified where this process accepts a job or takes one back
         self._recent = uploads.Recent()
+        self._silence = Silence()
 
     @staticmethod
     def open(url: str, *, queue: int = 1000, attempts: int = 3) -> "Store":
@@ -99,7 +114,8 @@ class Store:
     ) -> Submission:
         """Accept a job: when this returns, it is on the disk.
 
-        What waits, runs or is done with the same content is that job; what failed or was cancelled is tried anew.
+        What waits, runs or is done with the same content is that job; what failed or was cancelled is tried anew. Under
+        a key the same request has the same answer, unless it was given up because its workers died: that is tried anew.
 
         Args:
             kind: `fit`, `batch` or `simulate`.
@@ -124,10 +140,8 @@ class Store:
         ids = [one.id if isinstance(one, Upload) else one for one in traces]
         content, names = content_of(kind, text, ids), []
         with self.database.writing() as connection:
-            if key is not None:
-                known = connection.execute(statements.KEY, {"key": key}).one_or_none()
-                if known is not None:
-                    return self._same(connection, known, content)
+            if (same := self._same(connection, key, content)) is not None:
+                return same
             self._recent.require(connection, [one for one in traces if isinstance(one, str)])
             waiting = connection.execute(statements.WAITING).scalar_one()
             if waiting < self.queue:
@@ -136,16 +150,11 @@ class Store:
             else:
                 row, made = connection.execute(statements.LIVE_JOB, {"content": content}).one_or_none(), False
                 if row is None:
-                    raise QueueFull(
-                        "queue", found=f"{waiting} waiting jobs", expected=f"fewer than {self.queue}",
-                        remedy="Try again later.",
-                    )  # fmt: skip
+                    raise queue_full(waiting, self.queue)
             if key is not None:
-                stored = self._insert_key(connection, key, content, row.id)
-                if not stored:  # another server was faster with this key
-                    known = connection.execute(statements.KEY, {"key": key}).one()
-                    if known.content != content:
-                        raise key_conflict(key)
+                values = {"key": key, "content": content, "job": row.id}
+                if self._made(connection, statements.new_key, values) is None:
+                    self._same(connection, key, content)  # another server was faster with this key
         for one, name in zip(given, names, strict=False):  # none where nothing was kept
             self._recent.keep(one, name)
         if made:
@@ -242,16 +251,17 @@ class Store:
         return True
 
     def lease(self, owner: str, seconds: float | int) -> JobRow | None:
-        """Take the oldest job that waits; None where none does.
+        """Take the job that waits and came first; None where none does. What has killed two workers goes last.
 
         Args:
             owner: Who takes it.
-            seconds: Time in which the owner must speak again.
+            seconds: Time in which the owner means to speak again.
         """
         now = self.database.clock
-        oldest = sa.select(jobs.c.number).where(jobs.c.state == QUEUED, jobs.c.ready <= now)
+        oldest = sa.select(jobs.c.number).where(jobs.c.state == QUEUED)
         oldest = oldest.order_by(jobs.c.number).limit(1).with_for_update(skip_locked=True)
-        change = jobs.update().where(jobs.c.number == oldest.scalar_subquery(), jobs.c.state == QUEUED)
+        first = sa.func.coalesce(oldest.where(jobs.c.deaths < LAST).scalar_subquery(), oldest.scalar_subquery())
+        change = jobs.update().where(jobs.c.number == first, jobs.c.state == QUEUED)
         change = change.values(
             state=RUNNING,
             owner=owner,
@@ -267,11 +277,7 @@ class Store:
     def heartbeat(
         self, job: str, owner: str, attempt: int, *, seconds: float | int = 15.0, progress: float | int | None = None
     ) -> bool:
-        """Say that a job is still worked on.
-
-        Returns:
-            Whether it is still the owner's: false where it was cancelled, or given to another.
-        """
+        """Say that a job is still worked on; false where it was cancelled, or given to another."""
         values: dict[str, Any] = {"lease": self.database.clock + seconds}
         if progress is not None:
             values["progress"] = progress
@@ -300,48 +306,47 @@ class Store:
                 connection.execute(results.insert(), rows)
         return True
 
-    def release(self, job: str, owner: str, attempt: int, *, died: bool = False, delay: float | int = 0.0) -> bool:
+    def release(self, job: str, owner: str, attempt: int, *, died: bool = False) -> bool:
         """Let another one have a job.
 
         Args:
             job, owner, attempt: As leased.
             died: Whether its worker died of it: after `attempts` deaths the job has failed.
-            delay: Time for which nobody gets it [s].
 
         Returns:
             Whether it was still the owner's.
         """
         with self.database.writing() as connection:
-            return self._requeue(connection, _held(job, owner, attempt), died, delay) == 1
+            return self._requeue(connection, _held(job, owner, attempt), died) == 1
 
-    def reap_expired(self) -> int:
-        """Take jobs from owners that no longer speak; how many."""
-        silent = jobs.update().where(jobs.c.state == RUNNING, jobs.c.lease < self.database.clock)
-        with self.database.writing() as connection:
-            found = self._requeue(connection, silent, True, 0.0)
+    def reap_expired(self, seconds: float | int = SILENCE) -> int:
+        """Take jobs from owners that have said nothing new for so long, as this process saw it; how many.
+
+        To be called again and again. Silence is no fault of the job: the owner's machine may have been restarted.
+        """
+        asked, found = sa.select(jobs.c.id, jobs.c.attempt, jobs.c.lease).where(jobs.c.state == RUNNING), 0
+        with self.database.reading() as connection:
+            beats = [(row.id, row.attempt, row.lease) for row in connection.execute(asked)]
+        for job, attempt, beat in self._silence.of(beats, seconds):
+            held = jobs.update().where(jobs.c.id == job, jobs.c.attempt == attempt, jobs.c.state == RUNNING)
+            with self.database.writing() as connection:
+                found += self._requeue(connection, held.where(jobs.c.lease == beat), False)
         if found:
             self.notifier.notify()
         return found
 
-    def _requeue(self, connection: sa.Connection, chosen: sa.Update, died: bool, delay: float | int) -> int:
-        now, deaths = self.database.clock, jobs.c.deaths + int(died)
+    def _requeue(self, connection: sa.Connection, chosen: sa.Update, died: bool) -> int:
+        deaths = jobs.c.deaths + int(died)
         given_up = deaths >= self.attempts if died else sa.false()
-        rest = QUIET * jobs.c.deaths if died else sa.literal(0.0)
-        error = JobFailure(
-            DIED,
-            "worker",
-            f"worker died: {self.attempts} times in the middle of this job",
-            "",
-            "Look at the memory of the machine and at the log of the service; a shorter record needs less.",
-        )
+        error = json.dumps(dataclasses.asdict(given_up_after(self.attempts)))
         change = chosen.values(
             state=sa.case((given_up, FAILED), else_=QUEUED),
             deaths=deaths,
             owner=sa.case((given_up, jobs.c.owner), else_=sa.null()),
-            ready=now + delay + rest,
-            finished=sa.case((given_up, now), else_=sa.null()),
-            error=sa.case((given_up, json.dumps(dataclasses.asdict(error))), else_=sa.null()),
+            finished=sa.case((given_up, self.database.clock), else_=sa.null()),
+            error=sa.case((given_up, error), else_=sa.null()),
             lease=None,
+            progress=0.0,
         )
         return connection.execute(change).rowcount
 
@@ -356,28 +361,35 @@ class Store:
             "state": QUEUED,
         }
         while True:
-            row = self._made(connection, statements.new_job, values, "created", "ready")
+            row = self._made(connection, statements.new_job, values)
             if row is not None:
                 return row, True
             row = connection.execute(statements.LIVE_JOB, {"content": content}).one_or_none()
             if row is not None:  # None where that one has failed meanwhile
                 return row, False
 
-    def _insert_key(self, connection: sa.Connection, key: str, content: str, job: str) -> bool:
-        values = {"key": key, "content": content, "job": job}
-        return self._made(connection, statements.new_key, values, "created") is not None
-
-    def _made(self, connection: sa.Connection, insert: Any, values: Mapping[str, str], *times: str) -> Any:
+    def _made(self, connection: sa.Connection, insert: Any, values: Mapping[str, str]) -> Any:
         """The row that was inserted now, or None where there is one already."""
         in_file = self.database.sqlite
-        clock = dict.fromkeys(times, time.time()) if in_file else {}
+        clock = {"created": time.time()} if in_file else {}
         return connection.execute(insert(in_file), {**values, **clock}).one_or_none()
 
-    def _same(self, connection: sa.Connection, known: Any, content: str) -> Submission:
+    def _same(self, connection: sa.Connection, key: str | None, content: str) -> Submission | None:
+        """The answer that a key has already; None where it has none, or its job was given up: the key is free again.
+
+        Raises:
+            KeyConflict: The key stands for another request.
+        """
+        known = None if key is None else connection.execute(statements.KEY, {"key": key}).one_or_none()
+        if known is None:
+            return None
         if known.content != content:
             raise key_conflict(known.key)
-        row = connection.execute(statements.JOB, {"job": known.job}).one()
-        return Submission(job_of(row), False)
+        job = job_of(connection.execute(statements.JOB, {"job": known.job}).one())
+        if job.error is None or job.error.code != DIED:
+            return Submission(job, False)
+        connection.execute(keys.delete().where(keys.c.key == key, keys.c.job == job.id))
+        return None
 
 
 def _held(job: str, owner: str, attempt: int) -> sa.Update:

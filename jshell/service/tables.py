@@ -58,10 +58,9 @@ jobs = sa.Table(
     sa.Column("deaths", sa.Integer, nullable=False, server_default="0"),
     sa.Column("owner", sa.Text),
     sa.Column("created", _TIME, nullable=False),
-    sa.Column("ready", _TIME, nullable=False),
     sa.Column("started", _TIME),
     sa.Column("finished", _TIME),
-    sa.Column("lease", _TIME),
+    sa.Column("lease", _TIME),  # until when its owner means to speak again; that it changes is the heartbeat
     sa.Column("progress", sa.Double, nullable=False, server_default="0"),
     sa.Column("error", sa.Text),
     sqlite_autoincrement=True,
@@ -88,6 +87,12 @@ results = sa.Table(
     sa.Column("content", _BYTES, nullable=False),
 )
 
+sessions = sa.Table(
+    "sessions",
+    metadata,
+    sa.Column("id", sa.Text, primary_key=True),
+    sa.Column("ends", _TIME, nullable=False),
+)
 
 heartbeats = sa.Table(  # one row, written to learn whether anything can be written
     "pulse",
@@ -115,9 +120,21 @@ def _errors_apart(connection: sa.Connection) -> None:
         connection.execute(jobs.update().where(jobs.c.number == number).values(error=json.dumps(error)))
 
 
+def _no_time_to_be_ready(connection: sa.Connection) -> None:
+    """A job waited until the clock said `ready`: an hour too long where the clock was set back."""
+    if any(column["name"] == "ready" for column in sa.inspect(connection).get_columns("jobs")):
+        connection.execute(sa.text("ALTER TABLE jobs DROP COLUMN ready"))
+
+
+def _sessions(connection: sa.Connection) -> None:
+    sessions.create(connection, checkfirst=True)
+
+
 STEPS: tuple[tuple[str, Callable[[sa.Connection], None]], ...] = (
     ("traces, jobs, keys and results", _first),
     ("what was found and what was expected in an error", _errors_apart),
+    ("the order of jobs is that of their numbers", _no_time_to_be_ready),
+    ("browsers that have shown the token", _sessions),
 )
 
 

@@ -10,7 +10,6 @@ import functools
 import io as streams
 import json
 import os
-import traceback
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -28,6 +27,7 @@ from jshell.io.records import encode_record, plain
 from jshell.oscillator import Coefficients
 from jshell.service import batches
 from jshell.service.archives import Content
+from jshell.service.log import trace_of
 from jshell.service.shared_file import FileRef
 from jshell.shell import Reduced
 from jshell.trace import Trace
@@ -91,7 +91,7 @@ def run(kind: str, specification: Mapping[str, Any], files: Sequence[tuple[str, 
     except MemoryError:
         return TaskResult({}, _TOO_LARGE.record())
     except Exception as error:  # the outer edge of the worker
-        return TaskResult({}, None, f"{error!r}\n{traceback.format_exc()}")
+        return TaskResult({}, None, f"{error!r}\n{trace_of(error)}")
 
 
 def fit(specification: Mapping[str, Any], files: Files) -> dict[str, bytes]:

@@ -6,7 +6,6 @@ before a job is leased: time to start is nobody's death.
 """
 
 import contextlib
-import logging
 import os
 import secrets
 import socket
@@ -24,15 +23,16 @@ from jshell import engines
 from jshell.engines import Processes
 from jshell.errors import BadStore, JshellError, LimitReached, StoreUnavailable, WorkerLost
 from jshell.service import tasks
+from jshell.service.log import log
 from jshell.service.settings import Settings
 from jshell.service.shared_file import FileRef, SharedFile
 from jshell.service.store import JobFailure, JobRow, Store
 
-log = logging.getLogger("jshell.service")
 PROGRAMS = "jax_compilation_cache_dir"
 LARGE = 2**20  # bytes of the files of a job from which they are shared with its process through a file
 LOOK = 0.1  # [s] between two looks at a running job
 IDLE = 0.5  # [s] between two looks for work that came from elsewhere
+GRACE = 0.25  # [s] after the death of a process in which the order to stop may come that was its end, too
 BACKOFF = (0.5, 1.0, 2.0, 5.0, 10.0)  # [s] between attempts to reach an engine or the database
 
 
@@ -84,7 +84,7 @@ class Worker:
             try:
                 for slot in self._slots:
                     slot.heartbeat()
-                self.store.reap_expired()
+                self.store.reap_expired(self.settings.lease)
             except (StoreUnavailable, BadStore) as error:
                 log.warning("the database does not answer: %s", error)
 
@@ -217,13 +217,14 @@ class _Slot:
         return self._shared.write(files)
 
     def _put_back(self, job: JobRow, error: BaseException) -> None:
-        """After the loss of a worker: it counts against the job, unless the whole cluster was lost."""
+        """After the loss of a worker: the job's fault, unless the whole cluster was lost or everything is to stop."""
         died = isinstance(self._engine, Processes) or "KilledWorker" in str(error)
+        died = died and not self.worker.stopping.wait(GRACE)
         log.warning("job %s, attempt %d: %s", job.id, job.attempt, error)
-        delay = 0.0 if died else BACKOFF[1]
-        self._insist(lambda: self.store.release(job.id, self.owner, job.attempt, died=died, delay=delay))
+        self._insist(lambda: self.store.release(job.id, self.owner, job.attempt, died=died))
         if not isinstance(self._engine, Processes):
             self.close()
+            self.worker.stopping.wait(BACKOFF[1])
 
     def _watch(self, job: JobRow, future: Future) -> tasks.TaskResult | _Stopped:
         """Wait for a job; end it where it reaches a limit, is no longer ours, or the service ends."""

@@ -41,15 +41,22 @@ class Cluster:
         options = {"listen_addresses": "", "unix_socket_directories": self.folder, "fsync": "off"}
         settings = [text for name, value in options.items() for text in ("-c", f"{name}={value}")]
         self.log = (self.folder / "log").open("wb")
-        self.process = subprocess.Popen(
-            [binaries / "postgres", "-D", data, *settings],
-            cwd=self.folder, stdout=self.log, stderr=subprocess.STDOUT, **self.who,
-        )  # fmt: skip
-        self._psql = binaries / "psql"
+        self._psql, self._command = binaries / "psql", [binaries / "postgres", "-D", data, *settings]
+        self.begin()
+        self.wait()
+
+    def begin(self) -> None:
+        """Start it; it may have to recover first."""
+        given = {"cwd": self.folder, "stdout": self.log, "stderr": subprocess.STDOUT, **self.who}
+        self.process = subprocess.Popen(self._command, **given)
+
+    def wait(self) -> None:
+        """Until it answers; started again where what was killed before it was not quite gone."""
         deadline = time.monotonic() + 60
         while self._ask("SELECT 1").returncode:
-            late = time.monotonic() > deadline or self.process.poll() is not None
-            assert not late, (self.folder / "log").read_text()
+            assert time.monotonic() < deadline, (self.folder / "log").read_text()
+            if self.process.poll() is not None:
+                self.begin()
             time.sleep(0.1)
 
     def _ask(self, words: str) -> subprocess.CompletedProcess:

@@ -24,6 +24,7 @@ from types import SimpleNamespace
 
 from jshell.engines import processes as engines
 from jshell.errors import JshellError, StoreUnavailable
+from jshell.service import copies as taken
 from jshell.service import store as stores
 from jshell.service.database import Database
 from jshell.service.settings import Settings
@@ -171,7 +172,7 @@ def pressing(url: str, first: int):
 
 
 def copies(folder: str, times: int, seed: int, how: str) -> dict:
-    """Under load: processes frozen, files copied, thawed; or copied by SQLite's own backup."""
+    """Under load: processes frozen, files copied, thawed; or copied and put back as `jshell` does it."""
     chance, path = random.Random(seed), Path(folder) / "jobs.db"
     url = f"sqlite:///{path}"
     Store.open(url).close()
@@ -206,11 +207,8 @@ def copies(folder: str, times: int, seed: int, how: str) -> dict:
                     os.kill(process, signal.SIGCONT)
             else:
                 listen()
-                with (
-                    contextlib.closing(sqlite3.connect(path, timeout=TIMEOUT)) as source,
-                    contextlib.closing(sqlite3.connect(copy / path.name)) as target,
-                ):
-                    source.backup(target)
+                taken.backup(url, copy / "taken")
+                taken.restore(copy / "taken", f"sqlite:///{copy / path.name}")
             before = set(told)
             Store.open(f"sqlite:///{copy / path.name}").close()  # opened as a server would
             unsound += not sound(copy / path.name)

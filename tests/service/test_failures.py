@@ -23,6 +23,7 @@ from jshell.service.store import Store
 SCRIPT = Path(__file__).parent / "crash.py"
 SOAK = Path(__file__).parent / "soak.py"
 CUT_OFF = Path(__file__).parent / "cut_off.py"
+RESTARTS = Path(__file__).parent / "restarts.py"
 CONDITIONS = {"d_hat": 0.22, "P0_hat": 0.9, "Pext_hat": 1.6, "eta_hat": 0.004}
 
 
@@ -247,6 +248,19 @@ def test_a_service_told_to_end_in_the_middle_of_a_job_drains(local, tmp_path):
         assert time.monotonic() - began < 10
         assert gone(children, 10)
     assert local.job(job).state == "queued"  # given back
+
+
+@pytest.mark.slow
+def test_fifty_services_told_to_end_while_they_start_end_well():
+    assert ran("starts", 50, 0, seconds=600, script=RESTARTS) == {"codes": {"0": 50}, "tracebacks": 0}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(5))
+def test_sixty_jobs_outlive_twenty_killed_servers_and_twenty_killed_workers(url, seed):
+    found = ran("restarts", url, 60, 20, seed, seconds=3800, script=RESTARTS)
+    assert (found["servers"], found["workers"]) == (20, 20)
+    assert (found["done"], found["worker_died"], found["stuck"], found["unrecorded"]) == (60, 0, 0, 0)
 
 
 @pytest.mark.slow

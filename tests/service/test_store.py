@@ -6,12 +6,13 @@ import sqlite3
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import pytest
 import sqlalchemy as sa
 
-from jshell.errors import BadName, BadStore, BadValue, KeyConflict, NotFound, QueueFull
-from jshell.service import checkpoints, tables
+from jshell.errors import BadName, BadStore, BadValue, KeyConflict, NotFound, QueueFull, StoreUnavailable
+from jshell.service import checkpoints, copies, tables
 from jshell.service import store as stores
 from jshell.service.store import JobFailure, Store
 from jshell.service.uploads import Upload
@@ -221,10 +222,9 @@ def test_the_oldest_goes_first(store):
 
 def test_who_lost_the_lease_records_nothing(store):
     job = asked(store).job
-    store.lease("slow", 0.01)
-    time.sleep(0.1)
-    assert store.reap_expired() == 1
-    assert store.reap_expired() == 0
+    store.lease("slow", 15)
+    assert silent(store)
+    assert store.reap_expired(0.1) == 0
     assert not store.heartbeat(job.id, "slow", 1)
     assert not store.finish(job.id, "slow", 1, {"a": b"late"})
     again = store.lease("slow", 15)  # the same owner: its second attempt is not its first
@@ -236,18 +236,56 @@ def test_who_lost_the_lease_records_nothing(store):
     assert store.result(job.id, "a") == b"right"
 
 
-def test_a_heartbeat_keeps_the_lease(store):
+def silent(store: Store) -> bool:
+    """Whether an observer takes a job from an owner that says nothing."""
+    return any(time.sleep(0.04) or store.reap_expired(0.1) for _ in range(8))
+
+
+def test_a_heartbeat_keeps_the_lease(store, monkeypatch):
+    """However the clock is set, and however long it was when it was taken."""
+    clock = type(store.database).clock
     job = asked(store).job
-    store.lease("me", 0.2)
+    store.lease("me", 0.01)
+    for hours in (0, 1, -1, 0, 1, 0):
+        moved = property(lambda self, hours=hours: clock.__get__(self) + 3600.0 * hours)
+        monkeypatch.setattr(type(store.database), "clock", moved)
+        assert store.heartbeat(job.id, "me", 1, seconds=15)
+        time.sleep(0.04)
+        assert store.reap_expired(0.1) == 0
+    assert silent(store)
+
+
+def test_an_observer_that_was_frozen_itself_begins_anew(store):
+    asked(store)
+    store.lease("me", 15)
     for _ in range(4):
-        assert store.heartbeat(job.id, "me", 1, seconds=0.5)
+        assert store.reap_expired(0.05) == 0
         time.sleep(0.1)
-        assert store.reap_expired() == 0
+    assert silent(store)
 
 
-def test_three_deaths_end_a_job(store, monkeypatch):
-    monkeypatch.setattr(stores, "QUIET", 0.0)
+def test_no_clock_makes_a_job_wait_or_go_first(store, monkeypatch):
+    made = []
+    for number, hours in enumerate((1, -1, 0, 2)):
+        monkeypatch.setattr(stores.time, "time", lambda hours=hours: 1.8e9 + 3600 * hours + 0.25)
+        made.append(asked(store, number).job.id)
+    monkeypatch.setattr(stores.time, "time", lambda: 1.8e9 - 7200.5)
+    assert [store.lease("me", 15).id for _ in made] == made
+    for name in reversed(made):
+        assert store.release(name, "me", 1)
+    assert [store.lease("me", 15).id for _ in made] == made
+
+
+def test_a_restart_is_never_the_jobs_fault(store):
     job = asked(store).job
+    for attempt in range(1, 6):
+        assert store.lease(f"server {attempt}", 15).attempt == attempt
+        assert silent(store)
+    assert (store.job(job.id).state, store.job(job.id).error) == ("queued", None)
+
+
+def test_three_deaths_end_a_job_which_may_be_sent_again_under_its_key(store):
+    job = asked(store, key="k").job
     for attempt in (1, 2, 3):
         assert store.lease("me", 15).attempt == attempt
         assert store.release(job.id, "me", attempt, died=True)
@@ -255,7 +293,12 @@ def test_three_deaths_end_a_job(store, monkeypatch):
     assert (ended.state, ended.error.code) == ("failed", "worker_died")
     assert "worker died" in ended.error.cause
     assert store.lease("me", 15) is None
-    assert asked(store).created
+    again = asked(store, key="k")
+    assert again.created
+    assert again.job.id != job.id
+    assert asked(store, key="k").job == again.job
+    with pytest.raises(KeyConflict):
+        asked(store, 1, key="k")
 
 
 def test_what_was_given_back_alive_does_not_count_as_a_death(store):
@@ -266,13 +309,13 @@ def test_what_was_given_back_alive_does_not_count_as_a_death(store):
     assert store.job(job.id).state == "queued"
 
 
-def test_a_job_rests_after_two_deaths_and_for_a_delay(store):
+def test_what_has_killed_two_workers_lets_the_others_go_first(store):
     job, other = asked(store, 0).job, asked(store, 1).job
     for attempt in (1, 2):
         assert store.lease("me", 15).id == job.id
         store.release(job.id, "me", attempt, died=True)
     assert store.lease("me", 15).id == other.id
-    store.release(other.id, "me", 1, delay=60)
+    assert store.lease("me", 15).id == job.id
     assert store.lease("me", 15) is None
 
 
@@ -305,6 +348,36 @@ def test_a_database_is_brought_up_to_date_once_and_a_later_one_refused(url):
         Store.open(url)
 
 
+def test_a_database_of_an_earlier_jshell_goes_on_where_it_stood(tmp_path):
+    """Written by the version of two steps: a job of every state, one of them running."""
+    path = tmp_path / "jobs.db"
+    with contextlib.closing(sqlite3.connect(path)) as connection:
+        connection.executescript((Path(__file__).parent / "data" / "jobs_of_two_steps.sql").read_text())
+    store = Store.open(f"sqlite:///{path}")
+    rows = store.jobs()
+    assert [row.state for row in rows] == ["queued", "running", "cancelled", "failed", "failed", "done"]
+    assert store.result(rows[-1].id, "record.json") == b"{}"
+    assert store.trace_content(rows[-1].traces[0]) == b"t,V\n0,1\n1,2\n"
+    assert not asked(store, 1, "key 1").created
+    assert asked(store, 2, "key 2").created  # it was given up
+    assert store.lease("me", 15).id == rows[0].id
+    store.close()
+
+
+def test_a_job_that_had_a_time_to_be_ready_at_is_one_without(url):
+    """As tables of two steps have it, on both."""
+    store = Store.open(url)
+    asked(store)
+    with store.database.writing() as connection:
+        connection.execute(sa.text("ALTER TABLE jobs ADD COLUMN ready FLOAT NOT NULL DEFAULT 9e9"))
+        connection.execute(tables.migrations.delete().where(tables.migrations.c.number > 2))
+    store.close()
+    store = Store.open(url)
+    assert store.lease("me", 15).specification == {"number": 0}
+    assert asked(store, 1).created
+    store.close()
+
+
 def test_errors_of_the_first_tables_come_apart(url):
     """What was found and expected stood in one sentence."""
     store = Store.open(url)
@@ -317,7 +390,7 @@ def test_errors_of_the_first_tables_come_apart(url):
             )
             error = None if words is None else json.dumps(words)
             connection.execute(tables.jobs.update().where(tables.jobs.c.id == row.id).values(error=error))
-        connection.execute(tables.migrations.delete().where(tables.migrations.c.number == 2))
+        connection.execute(tables.migrations.delete().where(tables.migrations.c.number >= 2))
     store.close()
     store = Store.open(url)
     found = [store.job(row.id).error for row in rows]
@@ -379,3 +452,52 @@ def test_a_log_that_cannot_be_brought_home_is_tried_again(error):
             time.sleep(0.01)
     keeper.close()
     assert len(tries) == 2
+
+
+def test_a_copy_is_looked_at_and_put_beside_nothing(tmp_path):
+    url, copy, other = f"sqlite:///{tmp_path / 'jobs.db'}", tmp_path / "copy", f"sqlite:///{tmp_path / 'other.db'}"
+    store = Store.open(url)
+    trace = store.add_trace("a.csv", b"content")
+    job = store.submit("fit", {}, [trace.id]).job
+    found = copies.backup(url, copy)
+    assert (found["queued"], found["traces"], found["results"]) == (1, 1, 0)
+    asked(store)
+    assert copies.check(copy) == copies.restore(copy, other) == found  # as of that moment
+    for again in (lambda: copies.backup(url, copy), lambda: copies.restore(copy, other)):
+        with pytest.raises(BadValue, match="nothing is written over"):
+            again()
+    restored = Store.open(other)
+    assert [row.id for row in restored.jobs()] == [job.id]
+    assert restored.trace_content(trace.id) == b"content"
+    restored.close()
+    store.close()
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["copy", "jobs.db", "other.db"]
+    with contextlib.closing(sqlite3.connect(copy)) as connection, connection:
+        connection.execute("UPDATE contents SET content = x'00'")
+    with pytest.raises(BadStore, match="not what it was"):
+        copies.check(copy)
+    copy.write_bytes(copy.read_bytes()[:20000])
+    with pytest.raises(BadStore, match="Take another"):
+        copies.restore(copy, f"sqlite:///{tmp_path / 'third.db'}")
+    assert not (tmp_path / "third.db").exists()
+    with pytest.raises(StoreUnavailable, match="Check its name"):
+        copies.check(tmp_path / "nothing")
+
+
+@pytest.mark.parametrize("db", ["postgresql+psycopg://jshell@db/jshell", "jshell.db", "sqlite://"])
+def test_what_is_no_file_is_copied_by_its_own_means(tmp_path, db):
+    with pytest.raises(BadValue, match="pg_dump"):
+        copies.backup(db, tmp_path / "copy")
+    with pytest.raises(BadValue, match="pg_restore"):
+        copies.restore(tmp_path / "copy", db)
+
+
+def test_what_is_begun_anew_has_no_progress_and_can_be_called_off(store):
+    job = asked(store).job
+    store.lease("before the restart", 15)
+    assert store.heartbeat(job.id, "before the restart", 1, progress=0.5)
+    assert silent(store)
+    row = store.job(job.id)
+    assert (row.state, row.progress, row.attempt, row.owner) == ("queued", 0.0, 1, None)
+    assert store.cancel(job.id).state == "cancelled"
+    assert store.lease("after", 15) is None

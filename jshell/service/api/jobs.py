@@ -8,7 +8,7 @@ from fastapi.responses import JSONResponse
 from pydantic import ValidationError
 
 from jshell.errors import BadValue
-from jshell.service.api.answers import ONCE, Before, Limit, Name, binary, problem_responses
+from jshell.service.api.answers import ONCE, Before, Limit, Name, Route, binary, problem_responses
 from jshell.service.jobs import (
     FILES,
     MEDIA,
@@ -25,7 +25,7 @@ from jshell.service.jobs import (
     shown,
 )
 from jshell.service.problems import listed, of_validation
-from jshell.service.reading import UPLOAD_SLOTS, check_one_readable
+from jshell.service.reading import UPLOAD_SLOTS, check_one_readable, json_field
 from jshell.service.safety import attachment, clean_name
 from jshell.service.schemas import (
     BatchOptions,
@@ -43,7 +43,7 @@ from jshell.service.state import Here
 from jshell.service.store import JobRow, Submission
 from jshell.service.uploads import Upload
 
-router = APIRouter()
+router = APIRouter(route_class=Route)
 BYTES = "application/octet-stream"
 OPTIONS = 'Options of `jshell.calibration.fit_batch` as JSON, e.g. {"equilibrium": "trace"}.'
 IdempotencyKey = Annotated[
@@ -123,7 +123,7 @@ def batch_file(
 
 def _batch(here: Here, uploads: list[tuple[str, bytes]], options: str, key: str | None) -> Response:
     try:
-        chosen = BatchOptions.model_validate_json(options)
+        chosen = BatchOptions.model_validate(json_field("options, JSON", options, "{…}"))
     except ValidationError as error:
         found = of_validation(error.errors())
         where = ", ".join(one["place"] for one in listed(error.errors())) or "JSON"
@@ -193,13 +193,13 @@ def _routes(kind: str, words: str, out: type[JobOut]) -> None:
 
 
 def _download(kind: str, suffix: str, words: str) -> None:
-    media = MEDIA[suffix].partition(";")[0]
+    media, json = MEDIA[suffix].partition(";")[0], "array" if kind == "modes" else "object"
 
     @router.get(
         f"/{PLURAL[kind]}/{{id:key}}.{suffix}",
         tags=[PLURAL[kind]],
         response_class=Response,
-        responses=problem_responses(404, 409, more=binary(media, f"The {words} as a file.")),
+        responses=problem_responses(404, 409, more=binary(media, f"The {words} as a file.", json)),
         summary=f"The {words} as .{suffix}",
     )
     def download(here: Here, id: Name) -> Response:

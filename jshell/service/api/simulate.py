@@ -9,14 +9,14 @@ from fastapi.responses import JSONResponse
 
 from jshell.oscillator import SOURCE, Coefficients, Decay, decay_by_law, decay_time
 from jshell.service import reduced
-from jshell.service.api.answers import problem_responses
+from jshell.service.api.answers import Route, problem_responses
 from jshell.service.api.jobs import IdempotencyKey, accepted
 from jshell.service.jobs import simulator_specification
 from jshell.service.schemas import Conditions, JobOut, SimulateOut, SimulateRequest, finite
 from jshell.service.state import Here
 from jshell.shell.parameters import CONDITION_FIELDS, Reduced
 
-router = APIRouter(tags=["simulations"])
+router = APIRouter(tags=["simulations"], route_class=Route)
 ANSWERS = problem_responses(409, 429, made=(202,))
 ANSWERS[200] = {"model": SimulateOut, "description": "What the short model says."}
 ANSWERS[202] |= {"model": JobOut, "description": "Accepted: the simulator runs as a job."}

@@ -1,12 +1,11 @@
 """Traces: uploaded, listed, looked into, given back."""
 
-import json
 from typing import Annotated, Any, no_type_check
 
 import numpy as np
 from fastapi import APIRouter, File, Form, Response, UploadFile
 from fastapi.responses import JSONResponse
-from pydantic import TypeAdapter, ValidationError
+from pydantic import FiniteFloat, TypeAdapter, ValidationError
 
 from jshell.errors import BadValue, JshellError
 from jshell.io import Reading
@@ -18,6 +17,7 @@ from jshell.service.reading import (
     conditions_of,
     inspect,
     inspected,
+    json_field,
     settled,
     with_conditions,
 )
@@ -27,7 +27,7 @@ from jshell.service.state import Here
 from jshell.service.uploads import TraceRow
 
 router = APIRouter(prefix="/traces", tags=["traces"])
-_numbers = TypeAdapter(dict[str, float])
+_numbers = TypeAdapter(dict[str, FiniteFloat])
 _fields = TypeAdapter(ReadingFields)
 
 
@@ -104,17 +104,14 @@ def numbers(text: str) -> dict[str, float]:
     Raises:
         BadValue: Not an object of numbers.
     """
+    expected = '{"d_hat": 0.22, …}'
     try:
-        found = _numbers.validate_python(json.loads(text))
-        if not all(np.isfinite(list(found.values()))):
-            raise ValueError("a number that is not finite")
-    except (ValueError, RecursionError, ValidationError) as error:
-        words = "no JSON object of numbers" if isinstance(error, ValidationError) else str(error)
+        return _numbers.validate_python(json_field("conditions", text, expected))
+    except ValidationError:
         raise BadValue(
-            "conditions", found=f"{brief(text)} ({brief(words)})", expected='{"d_hat": 0.22, …}',
+            "conditions", found=f"{brief(text)} (no JSON object of finite numbers)", expected=expected,
             remedy="Write names and numbers.",
         ) from None  # fmt: skip
-    return found
 
 
 def choices(text: str) -> Reading:
@@ -123,11 +120,12 @@ def choices(text: str) -> Reading:
     Raises:
         BadName, BadValue: Not an object of its fields.
     """
+    expected = '{"columns": {"t": "Time"}, …}'
     try:
-        return Reading.from_record(_fields.validate_python(json.loads(text)))
-    except (RecursionError, ValidationError, json.JSONDecodeError, TypeError) as error:
+        return Reading.from_record(_fields.validate_python(json_field("reading", text, expected)))
+    except (ValidationError, TypeError) as error:
         raise BadValue(
-            "reading", found=f"{brief(text)} ({brief(str(error))})", expected='{"columns": {"t": "Time"}, …}',
+            "reading", found=f"{brief(text)} ({brief(str(error))})", expected=expected,
             remedy="Write the fields of `jshell.io.Reading`.",
         ) from None  # fmt: skip
 

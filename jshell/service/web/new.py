@@ -181,7 +181,10 @@ def _unsay_usual_channels(here: Service, asked: FitForm) -> None:
 
 
 def configured(request: Request, here: Service, asked: FitForm, status: int) -> Response:
-    """The form of a fit of chosen traces."""
+    """The form of a fit of chosen traces; without any, the page where they are handed in."""
+    if not asked.traces:
+        error = BadValue("traces", found="none", expected="at least one", remedy="Choose a file first.")
+        return shown(request, "upload.html", {"error": error, "limit": here.settings.upload}, 422)
     names, looks = _looks(here, asked.traces)
     if any(one.trace.conditions is None for one in looks):
         chosen = "&".join(f"trace={one}" for one in asked.traces)

@@ -1,17 +1,19 @@
 """The page's routes: the list, errors, the token, the API's description, what is static."""
 
 import hmac
-import time
 from pathlib import Path
 from typing import Annotated, Any
+from urllib.parse import quote
 
 from fastapi import APIRouter, FastAPI, Form, Request, Response
 from fastapi.responses import HTMLResponse, RedirectResponse
 from fastapi.staticfiles import StaticFiles
+from starlette.concurrency import run_in_threadpool
 
 from jshell.errors import JshellError, NotFound
+from jshell.service import sessions
 from jshell.service.jobs import PLURAL, summary
-from jshell.service.problems import KINDS, Kind, NoToken
+from jshell.service.problems import KINDS, Kind, Refused, headers_of
 from jshell.service.safety import COOKIE
 from jshell.service.state import Here
 from jshell.service.store import JobRow, Store
@@ -33,8 +35,10 @@ def mount(app: FastAPI) -> None:
 def sorry(request: Request, error: JshellError, kind: Kind) -> Response:
     """The page that says what went wrong, and what to try."""
     if kind.status == 401 and request.method == "GET":
-        return RedirectResponse(f"/login?next={request.url.path}", 303)
-    return shown(request, "error.html", {"error": error, "kind": kind}, kind.status)
+        return RedirectResponse(f"/login?next={quote(request.scope['path'])}", 303)
+    response = shown(request, "error.html", {"error": error, "kind": kind}, kind.status)
+    response.headers.update(headers_of(error))
+    return response
 
 
 @router.get("/")
@@ -75,19 +79,38 @@ def login(request: Request, next: str = "/") -> Response:
 
 
 @router.post("/login")
-def logged_in(
+async def logged_in(
     request: Request, here: Here, token: Annotated[str, Form()] = "", next: Annotated[str, Form()] = "/"
 ) -> Response:
-    """Keep a right token in a cookie that scripts and other sites cannot read."""
-    wanted = here.settings.token
-    if wanted and not hmac.compare_digest(token.strip().encode(), wanted.encode()):
-        time.sleep(0.5)  # guessing is slow
-        error = NoToken("token", found="another token", expected="the service's token", remedy="Ask its keeper for it.")
+    """Begin a session for who gives the right token; its cookie no script and no other site can read."""
+    address, wanted = request.client.host if request.client else "", here.settings.token or ""
+    if not here.guesses.may(address):
+        raise Refused(
+            "token", found=f"{sessions.GUESSES} wrong ones in a minute", expected="fewer",
+            remedy="Wait a minute, and ask the service's keeper for the token.", code="too_many", after=60,
+        )  # fmt: skip
+    if not hmac.compare_digest(token.strip().encode(errors="replace"), wanted.encode()):
+        here.guesses.was_wrong(address)
+        error = Refused("token", found="another token", expected="the service's token", remedy="Ask its keeper for it.")
         return shown(request, "login.html", {"next": _inside(next), "error": error}, 401)
     response = RedirectResponse(_inside(next), 303)
-    secure = request.url.scheme == "https"
-    response.set_cookie(COOKIE, token.strip(), max_age=30 * 86400, httponly=True, samesite="strict", secure=secure)
+    name = await run_in_threadpool(sessions.begin, here.store.database)
+    response.set_cookie(COOKIE, name, sessions.SECONDS, **_only_here(request))
     return response
+
+
+@router.post("/logout")
+def logged_out(request: Request, here: Here) -> Response:
+    """End the session, here and wherever its cookie may have gone."""
+    sessions.end(here.store.database, request.cookies.get(COOKIE, ""))
+    response = RedirectResponse("/login", 303)
+    response.delete_cookie(COOKIE, **_only_here(request))
+    return response
+
+
+def _only_here(request: Request) -> dict[str, Any]:
+    path = request.app.state.service.settings.root_path
+    return {"path": path or "/", "httponly": True, "samesite": "strict", "secure": request.url.scheme == "https"}
 
 
 def _inside(address: str) -> str:

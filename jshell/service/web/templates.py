@@ -2,6 +2,7 @@
 
 import datetime
 import math
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -57,7 +58,7 @@ def words(name: str) -> str:
     return QUANTITIES[base].words if base in QUANTITIES else ""
 
 
-def size(count: float) -> str:
+def size(count: float | int) -> str:
     """Bytes in a unit of convenient size."""
     for unit in ("B", "kB", "MB"):
         if count < 1000:
@@ -88,4 +89,8 @@ def shown(request: Request, template: str, given: Mapping[str, Any], status: int
         "needs_token": bool(settings is not None and settings.token),
     }
     text = ENVIRONMENT.get_template(template).render(**common, **given)
+    if (
+        root := settings.root_path if settings is not None else ""
+    ):  # addresses of ours only: what users write is escaped
+        text = re.sub(r'((?:href|src|action|formaction|hx-get|data-src)=")(?=/)', rf"\1{root}", text)
     return HTMLResponse(text, status, headers={"Cache-Control": "no-store"})

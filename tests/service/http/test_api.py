@@ -373,7 +373,7 @@ def test_what_nobody_foresaw_has_an_identifier_and_no_traceback(tmp_path, monkey
     assert "secret" not in answer.text
     assert "Traceback" not in answer.text
     identifier = found["found"].split(", ")[1]
-    assert any(identifier in one.getMessage() and one.exc_info for one in caplog.records)
+    assert ["Traceback" in one.getMessage() for one in caplog.records if identifier in one.getMessage()] == [True]
 
 
 def test_the_example_of_the_page_is_the_librarys(http):

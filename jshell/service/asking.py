@@ -1,0 +1,139 @@
+"""Requests of a client: tried again while that can help, answered in time, refused in the library's own words."""
+
+import queue
+import threading
+import time
+import uuid
+from collections.abc import Callable, Mapping
+from email.utils import parsedate_to_datetime
+from typing import TYPE_CHECKING, Any
+
+import jshell.errors
+from jshell.errors import JshellError, NotOk
+from jshell.service import sending
+
+if TYPE_CHECKING:
+    import httpx
+
+AGAIN = (429, 502, 503, 504)  # worth another try
+ARRIVAL = 120.0  # [s] that a body may take beside the time for its answer: what a service grants
+
+
+class Unreachable(JshellError, OSError):
+    """No service answers at the address, or something that is none."""
+
+    code = "unreachable"
+
+
+class Asking:
+    """One address, asked again and again."""
+
+    url: str
+    timeout: float | int
+    patience: float | int
+    _http: "httpx.Client"
+
+    def _told(self, read: Callable[[Any], Any], method: str, address: str, **given: Any) -> Any:
+        """What an answer in JSON says.
+
+        Raises:
+            Unreachable: It is not an answer of jshell's.
+        """
+        response = self._send(method, address, **given)
+        try:
+            return read(response.json())
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+            raise _not_ours(response) from None
+
+    def _send(
+        self, method: str, address: str, *, key: str | None = None, body: bytes | None = None,
+        until: float | None = None, **given: Any,
+    ) -> "httpx.Response":  # fmt: skip
+        """A request, tried again while that can help, or until a time; errors as the library's."""
+        import httpx
+
+        if method == "POST":
+            given["headers"] = {"Idempotency-Key": key or uuid.uuid4().hex}
+        if body is not None:
+            given["headers"] |= {"Content-Type": "application/octet-stream", "Content-Length": str(len(body))}
+        end, pause, waits = until or time.monotonic() + self.patience, 0.1, until is not None
+        while True:
+            left = self.timeout if until is None else min(self.timeout, max(until - time.monotonic(), 0.1))
+            try:
+                if body is not None:
+                    given["content"] = sending.pieces(body)
+                response = self._answer(left, method, f"/api/v1{address}", **given)
+            except httpx.RequestError as error:
+                if time.monotonic() + pause > end or (isinstance(error, httpx.ConnectError) and not waits):
+                    raise Unreachable(
+                        self.url, found=str(error) or type(error).__name__, expected="an answer",
+                        remedy="Start it with `jshell serve`, or check the address.",
+                    ) from None  # fmt: skip
+            else:
+                if response.status_code < 300:
+                    return response
+                pause = max(pause, min(_seconds(response.headers.get("Retry-After", "")), 2.0))
+                if response.status_code not in AGAIN or time.monotonic() + pause > end:
+                    raise _problem(response)
+            time.sleep(pause)
+            pause = min(2 * pause, 2.0)
+
+    def _answer(self, seconds: float | int, method: str, address: str, **given: Any) -> "httpx.Response":
+        """One answer within so many seconds; httpx limits only the time between two of its bytes.
+
+        Raises:
+            httpx.RequestError: None came.
+        """
+        import httpx
+
+        box: queue.SimpleQueue[httpx.Response | Exception] = queue.SimpleQueue()
+
+        def ask() -> None:
+            try:
+                box.put(self._http.request(method, address, **given))
+            except Exception as error:  # handed to who waits
+                box.put(error)
+
+        threading.Thread(target=ask, daemon=True, name="jshell client").start()
+        try:
+            found = box.get(timeout=seconds + (ARRIVAL if method == "POST" else 0.0))
+        except queue.Empty:
+            raise httpx.ReadTimeout(f"no whole answer within {seconds:.3g} s") from None
+        if isinstance(found, Exception):
+            raise found
+        return found
+
+
+def _seconds(text: str) -> float:
+    """What Retry-After asks for, in seconds or as a date; 0 where it is neither."""
+    try:
+        return float(text) if text.isdecimal() else parsedate_to_datetime(text).timestamp() - time.time()
+    except ValueError:
+        return 0.0
+
+
+def _problem(response: "httpx.Response") -> JshellError:
+    """The error that a problem of RFC 9457 carries."""
+    try:
+        return error_of(response.json())
+    except (ValueError, KeyError, TypeError, RecursionError):
+        return _not_ours(response)
+
+
+def _not_ours(response: "httpx.Response") -> Unreachable:
+    kind = response.headers.get("Content-Type", "nothing")
+    return Unreachable(
+        str(response.url), found=f"status {response.status_code} and {kind} from something else",
+        expected="jshell's service", remedy="Check the address.",
+    )  # fmt: skip
+
+
+def error_of(found: Mapping[str, Any]) -> JshellError:
+    """An error of the library from its words."""
+    words = {name: str(found[name]) for name in ("found", "expected", "remedy")}
+    words["expected"] = words["expected"] or "a result"
+    kinds = [kind for kind in vars(jshell.errors).values() if isinstance(kind, type) and issubclass(kind, JshellError)]
+    kind = next((one for one in kinds if one.code == found["code"] and one is not NotOk), JshellError)
+    error = kind(str(found["place"]), **words)
+    error.code = str(found["code"])
+    return error

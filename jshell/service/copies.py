@@ -1,0 +1,118 @@
+"""Copies of SQLite's file: taken while others write, looked at before they are trusted, put back beside nothing.
+
+What is new stands in a log beside the file, so that copying the two, one after the other, may lose what was kept in
+between. SQLite's own backup reads both as of one moment.
+
+Source     SQLite documentation: Online Backup API
+"""
+
+import contextlib
+import hashlib
+import sqlite3
+from pathlib import Path
+
+from sqlalchemy.engine import make_url
+
+from jshell.errors import BadStore, BadValue, StoreUnavailable
+from jshell.service.tables import STATES, STEPS
+
+PATIENCE = 60.0  # [s] that a copy waits for somebody who holds the database
+
+
+def backup(url: str, copy: Path) -> dict[str, int]:
+    """Copy a database while it is in use; what the copy holds, which was looked at.
+
+    Args:
+        url: Of the database.
+        copy: A file that is not there yet.
+
+    Raises:
+        BadValue: No SQLite file, or a copy that is there already.
+        BadStore: It is not sound, or not jshell's.
+        StoreUnavailable: It cannot be read, or the copy not be written.
+    """
+    return _copied(_file(url, "pg_dump --format=custom --file=jobs.dump"), copy)
+
+
+def restore(copy: Path, url: str) -> dict[str, int]:
+    """Put a copy where there is no database yet.
+
+    Raises:
+        BadValue, BadStore, StoreUnavailable: As `backup`.
+    """
+    return _copied(copy, _file(url, "pg_restore --dbname=jshell jobs.dump"))
+
+
+def check(copy: Path) -> dict[str, int]:
+    """Look at a copy, every page and every upload; jobs by state, traces and results.
+
+    Raises:
+        BadStore: It is not sound, or not jshell's.
+        StoreUnavailable: It cannot be read.
+    """
+    place = f"copy {str(copy)!r}"
+    try:
+        with contextlib.closing(_opened(copy, "ro")) as found:
+            words = found.execute("PRAGMA integrity_check(1)").fetchone()[0]
+            tables = {name for (name,) in found.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+            if words == "ok" and not {"migrations", "jobs", "traces", "contents", "results"} <= tables:
+                words = "a database of something else"
+            if words == "ok" and found.execute("SELECT max(number) FROM migrations").fetchone()[0] > len(STEPS):
+                words = "tables of a later jshell"
+            if words == "ok" and found.execute("PRAGMA foreign_key_check").fetchone():
+                words = "rows whose others are missing"
+            if words == "ok":
+                asked = "SELECT sha256, content FROM traces LEFT JOIN contents ON trace = id"
+                if any(
+                    content is None or hashlib.sha256(content).hexdigest() != sha
+                    for sha, content in found.execute(asked)
+                ):
+                    words = "an upload that is not what it was"
+            if words != "ok":
+                raise sqlite3.DatabaseError(words)
+            jobs = dict(found.execute("SELECT state, count(*) FROM jobs GROUP BY state"))
+            counts = {
+                name: found.execute(f"SELECT count(*) FROM {name}").fetchone()[0] for name in ("traces", "results")
+            }
+            return {state: jobs.get(state, 0) for state in STATES} | counts
+    except sqlite3.DatabaseError as error:
+        raise _in_words(place, error) from None
+
+
+def _copied(source: Path, target: Path) -> dict[str, int]:
+    if target.exists():
+        raise BadValue(
+            f"file {str(target)!r}", found="a file", expected="none of this name",
+            remedy="Name another one: nothing is written over.",
+        )  # fmt: skip
+    part = target.with_name(f"{target.name}.part")
+    try:
+        part.unlink(missing_ok=True)
+        with contextlib.closing(_opened(source, "rw")) as given, contextlib.closing(_opened(part, "rwc")) as made:
+            given.backup(made)
+            made.execute("PRAGMA journal_mode = DELETE").close()  # one file, without a log beside it
+        counts = check(part)
+        part.rename(target)
+    except (sqlite3.DatabaseError, OSError) as error:
+        raise _in_words(f"copy of {str(source)!r}", error) from None
+    finally:
+        part.unlink(missing_ok=True)
+    return counts
+
+
+def _opened(path: Path, mode: str) -> sqlite3.Connection:
+    return sqlite3.connect(f"{path.absolute().as_uri()}?mode={mode}", uri=True, timeout=PATIENCE)
+
+
+def _file(url: str, instead: str) -> Path:
+    found = make_url(url) if "://" in url else None
+    if found is None or found.get_backend_name() != "sqlite" or not found.database:
+        raise BadValue("db", found=repr(url), expected="sqlite:///FILE", remedy=f"For PostgreSQL use `{instead}`.")
+    return Path(found.database)
+
+
+def _in_words(place: str, error: Exception) -> BadStore | StoreUnavailable:
+    if isinstance(error, sqlite3.OperationalError | OSError):
+        remedy = "Check its name, its folder and the room on the disk."
+        return StoreUnavailable(place, found=str(error), expected="files that can be read and written", remedy=remedy)
+    return BadStore(place, found=str(error), expected="a sound copy", remedy="Take another copy.")

@@ -1,0 +1,86 @@
+BEGIN TRANSACTION;
+CREATE TABLE contents (
+	trace TEXT NOT NULL, 
+	content BLOB NOT NULL, 
+	PRIMARY KEY (trace), 
+	FOREIGN KEY(trace) REFERENCES traces (id)
+);
+INSERT INTO "contents" VALUES('44e4581ce7e8b4a0449f65db4993d327',X'742C560A302C310A312C320A');
+CREATE TABLE jobs (
+	number INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT, 
+	id TEXT NOT NULL, 
+	kind TEXT NOT NULL, 
+	specification TEXT NOT NULL, 
+	traces TEXT NOT NULL, 
+	content TEXT NOT NULL, 
+	state TEXT NOT NULL, 
+	attempt INTEGER DEFAULT '0' NOT NULL, 
+	deaths INTEGER DEFAULT '0' NOT NULL, 
+	owner TEXT, 
+	created DOUBLE NOT NULL, 
+	ready DOUBLE NOT NULL, 
+	started DOUBLE, 
+	finished DOUBLE, 
+	lease DOUBLE, 
+	progress DOUBLE DEFAULT '0' NOT NULL, 
+	error TEXT, 
+	UNIQUE (id)
+);
+INSERT INTO "jobs" VALUES(1,'b3f63c84e606dc9ca771cbbc','fit','{"number": 0}','["44e4581ce7e8b4a0449f65db4993d327"]','8fb88d918c1146b1dc7feef8620acf9ca14b2235d0049dc3c3898d283d51df06','done',1,0,'old:1',1.79572668984140372278e+09,1.79572668984140372278e+09,1.79572668987148571012e+09,1.79572668987973356252e+09,NULL,1.0,NULL);
+INSERT INTO "jobs" VALUES(2,'2b1a72f9543a8849953e1295','simulate','{"number": 1}','[]','3fe497ef4f61897f0b8e61046bcdafb6eb2758c263cbb770af3f5923f358d949','failed',1,0,'old:1',1.79572668984792399408e+09,1.79572668984792399408e+09,1.795726689883452177e+09,1.79572668989169263839e+09,NULL,0.0,'{"code": "bad_value", "place": "here", "found": "1", "expected": "2", "remedy": "Try 2."}');
+INSERT INTO "jobs" VALUES(3,'9c7a0a8318132925052b2bfd','simulate','{"number": 2}','[]','8b22bfd875eae51092a7afdb9d6932cead625b22b80c5386f006c33cb44be62a','failed',3,3,'old:1',1.79572668985188078883e+09,1.79572668991577720637e+09,1.79572668989544558526e+09,1.79572668991577720637e+09,NULL,0.0,'{"code": "worker_died", "place": "worker", "found": "worker died: 3 times in the middle of this job", "expected": "", "remedy": "Look at the memory of the machine and at the log of the service; a shorter record needs less."}');
+INSERT INTO "jobs" VALUES(4,'71fd11555b562f41070a2fe5','simulate','{"number": 3}','[]','6d86acd227c4c1dc0ea8f0e59eb4dbd0c5541fd19a23ee74c668276e25b5ad8f','cancelled',0,0,NULL,1.79572668985585975646e+09,1.79572668985585975646e+09,NULL,1.79572668991803026201e+09,NULL,0.0,NULL);
+INSERT INTO "jobs" VALUES(5,'7d6dc77847c800e9b8f9b142','simulate','{"number": 4}','[]','48aeb5774cf6ca06f45d9c7caa699d334de0ac177562c2af435bb3190d43d662','running',1,0,'old:1',1.7957266898598792553e+09,1.7957266898598792553e+09,1.79572668992430472373e+09,NULL,1.79572670492430472377e+09,0.0,NULL);
+INSERT INTO "jobs" VALUES(6,'2a9fe1b628e6d50c6361c53c','simulate','{"number": 5}','[]','20cc3f4308640f9cb74bdb27a691c125347d014a45d4ea87c497d4b96bf2594a','queued',0,0,NULL,1.79572668986388182636e+09,1.79572668986388182636e+09,NULL,NULL,NULL,0.0,NULL);
+CREATE TABLE keys (
+	"key" TEXT NOT NULL, 
+	content TEXT NOT NULL, 
+	job TEXT NOT NULL, 
+	created DOUBLE NOT NULL, 
+	PRIMARY KEY ("key"), 
+	FOREIGN KEY(job) REFERENCES jobs (id)
+);
+INSERT INTO "keys" VALUES('key 0','8fb88d918c1146b1dc7feef8620acf9ca14b2235d0049dc3c3898d283d51df06','b3f63c84e606dc9ca771cbbc',1795726689.84279);
+INSERT INTO "keys" VALUES('key 1','3fe497ef4f61897f0b8e61046bcdafb6eb2758c263cbb770af3f5923f358d949','2b1a72f9543a8849953e1295',1.79572668984812331199e+09);
+INSERT INTO "keys" VALUES('key 2','8b22bfd875eae51092a7afdb9d6932cead625b22b80c5386f006c33cb44be62a','9c7a0a8318132925052b2bfd',1.79572668985206651687e+09);
+INSERT INTO "keys" VALUES('key 3','6d86acd227c4c1dc0ea8f0e59eb4dbd0c5541fd19a23ee74c668276e25b5ad8f','71fd11555b562f41070a2fe5',1.79572668985604476932e+09);
+INSERT INTO "keys" VALUES('key 4','48aeb5774cf6ca06f45d9c7caa699d334de0ac177562c2af435bb3190d43d662','7d6dc77847c800e9b8f9b142',1.79572668986006236079e+09);
+INSERT INTO "keys" VALUES('key 5','20cc3f4308640f9cb74bdb27a691c125347d014a45d4ea87c497d4b96bf2594a','2a9fe1b628e6d50c6361c53c',1.79572668986406040192e+09);
+CREATE TABLE migrations (
+	number INTEGER NOT NULL, 
+	name TEXT NOT NULL, 
+	applied DOUBLE NOT NULL, 
+	PRIMARY KEY (number)
+);
+INSERT INTO "migrations" VALUES(1,'traces, jobs, keys and results',1.79572668981186914444e+09);
+INSERT INTO "migrations" VALUES(2,'what was found and what was expected in an error',1.79572668981186914444e+09);
+CREATE TABLE pulse (
+	number INTEGER NOT NULL, 
+	beat DOUBLE NOT NULL, 
+	PRIMARY KEY (number)
+);
+INSERT INTO "pulse" VALUES(1,0.0);
+CREATE TABLE results (
+	job TEXT NOT NULL, 
+	name TEXT NOT NULL, 
+	content BLOB NOT NULL, 
+	PRIMARY KEY (job, name), 
+	FOREIGN KEY(job) REFERENCES jobs (id)
+);
+INSERT INTO "results" VALUES('b3f63c84e606dc9ca771cbbc','record.json',X'7B7D');
+CREATE TABLE traces (
+	number INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT, 
+	id TEXT NOT NULL, 
+	name TEXT NOT NULL, 
+	sha256 TEXT NOT NULL, 
+	size BIGINT NOT NULL, 
+	created DOUBLE NOT NULL, 
+	UNIQUE (id)
+);
+INSERT INTO "traces" VALUES(1,'44e4581ce7e8b4a0449f65db4993d327','a.csv','53a221df41f4302bb5c88642d6acebde0338ccc451fd16ca191193c603f6ec18',12,1.79572668983308267589e+09);
+CREATE UNIQUE INDEX jobs_once ON jobs (content) WHERE state IN ('queued', 'running', 'done');
+CREATE INDEX jobs_by_state ON jobs (state, number);
+DELETE FROM "sqlite_sequence";
+INSERT INTO "sqlite_sequence" VALUES('traces',1);
+INSERT INTO "sqlite_sequence" VALUES('jobs',6);
+COMMIT;

@@ -1,0 +1,156 @@
+"""Who holds a line and asks for nothing; who guesses; who comes through a proxy."""
+
+import contextlib
+import json
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import httpx
+import pytest
+
+from jshell.service import connections, safety, sessions
+from jshell.service.settings import Settings
+from jshell.service.store import Store
+
+from .conftest import listening
+
+SCRIPT = Path(__file__).with_name("attack.py")
+TOKEN = "a-long-random-token-of-the-group"
+LOGIN = b"POST /login HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/x-www-form-urlencoded\r\n"
+
+
+@pytest.fixture(scope="module")
+def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, Store]]:
+    """A service with a token behind a proxy that shows it under /fit."""
+    db = f"sqlite:///{tmp_path_factory.mktemp('guarded') / 'jobs.db'}"
+    settings = Settings(db=db, warm=False, token=TOKEN, proxy="127.0.0.1", root_path="/fit")
+    with listening(settings) as found:
+        yield found
+
+
+@pytest.fixture
+def line(guarded, monkeypatch) -> Iterator[socket.socket]:
+    monkeypatch.setattr(connections, "HEAD", 0.4)
+    with socket.create_connection(("127.0.0.1", urlsplit(guarded[0]).port), 10) as made:
+        yield made
+
+
+@pytest.fixture
+def browser(guarded) -> Iterator[httpx.Client]:
+    """What comes from the proxy, in the name of a browser that spoke TLS."""
+    headers = {"X-Forwarded-Proto": "https", "X-Forwarded-For": "192.0.2.7"}
+    with httpx.Client(base_url=guarded[0], headers=headers, timeout=30, trust_env=False) as made:
+        yield made
+
+
+def dropped(line: socket.socket, drip: bytes = b"") -> float:
+    """Seconds until a line is closed, a byte of something sent again and again."""
+    begun = time.monotonic()
+    line.settimeout(0.05)
+    while time.monotonic() - begun < 10:
+        try:
+            if drip:
+                line.sendall(drip)
+            if not line.recv(4096):
+                break
+        except TimeoutError:
+            continue
+        except OSError:
+            break
+    return time.monotonic() - begun
+
+
+@pytest.mark.parametrize(
+    "first", [b"", b"GET / HTTP/1.1\r\nX: ", b"GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\nGET"]
+)
+def test_who_never_ends_a_header_is_dropped_however_it_drips(line, first):
+    line.sendall(first)
+    assert dropped(line, b"a" if first else b"") < 5
+
+
+def test_the_silent_of_a_crowded_address_give_way_and_who_asks_stays(guarded, monkeypatch):
+    monkeypatch.setattr(connections, "FROM_ONE", 3)
+    monkeypatch.setattr(connections, "YOUNG", -1.0)  # even in one moment
+    port = urlsplit(guarded[0]).port
+    with contextlib.ExitStack() as held, httpx.Client(base_url=guarded[0], timeout=30, trust_env=False) as http:
+        assert http.get("/healthz").status_code == 200
+        lines = [held.enter_context(socket.create_connection(("127.0.0.1", port), 10)) for _ in range(8)]
+        assert all(dropped(one) < 5 for one in lines[:3])
+        assert http.get("/healthz").status_code == 200
+
+
+def test_a_body_without_a_token_is_small_and_soon_there(line, browser, monkeypatch):
+    assert browser.post("/login", content=b"&" * 5000).status_code == 413
+    monkeypatch.setattr(safety, "FIRST", 0.3)
+    line.sendall(LOGIN + b"Content-Length: 100\r\n\r\nt")
+    assert line.recv(4096).split(b"\r\n")[0].endswith(b"408 Request Timeout")
+    assert dropped(line) < 5
+    refused = browser.post("/api/v1/fits", content=(b"a" for _ in range(3)))
+    assert refused.status_code == 401
+
+
+def test_only_some_bodies_without_a_token_come_from_one_address(line, browser, guarded, monkeypatch):
+    monkeypatch.setattr(safety, "AT_DOOR", 1)
+    line.sendall(LOGIN + b"Content-Length: 100\r\n\r\nt")
+    with socket.create_connection(line.getpeername(), 10) as other:
+        time.sleep(0.1)
+        other.sendall(LOGIN + b"Content-Length: 7\r\n\r\ntoken=x")
+        assert b"429" in other.recv(4096).split(b"\r\n")[0]
+    assert browser.post("/login", data={"token": "x"}).status_code == 401  # from elsewhere
+
+
+def test_guesses_of_an_address_come_to_an_end_and_nobody_else_waits(browser, guarded):
+    begun = time.monotonic()
+    asked = [
+        browser.post("/login", data={"token": "guess"}, headers={"X-Forwarded-For": "192.0.2.9"}) for _ in range(12)
+    ]
+    assert [one.status_code for one in asked] == [401] * sessions.GUESSES + [429] * 2
+    assert asked[-1].headers["retry-after"] == "60"
+    assert time.monotonic() - begun < 5  # nobody sleeps
+    assert browser.post("/login", data={"token": TOKEN}).status_code == 303
+
+
+def test_a_session_is_not_the_token_and_ends_when_it_is_ended(browser, guarded):
+    entered = browser.post("/login", data={"token": TOKEN, "next": "/simulate"})
+    assert entered.headers["location"] == "/fit/simulate"
+    cookie = entered.headers["set-cookie"]
+    assert TOKEN not in cookie
+    assert all(word in cookie for word in ("Secure", "HttpOnly", "SameSite=strict", "Path=/fit"))
+    name = cookie.split("=", 1)[1].split(";")[0]
+    held = {"Cookie": f"{safety.COOKIE}={name}"}
+    page = browser.get("/fit/", headers=held)  # with the proxy's part of the address, or without
+    assert page.status_code == browser.get("/", headers=held).status_code == 200
+    assert 'href="/fit/static/jshell.css"' in page.text
+    assert 'action="/fit/logout"' in page.text
+    assert browser.get("/", headers={"Cookie": f"{safety.COOKIE}={TOKEN}"}).status_code == 303
+    assert browser.post("/logout", headers=held).headers["location"] == "/fit/login"
+    assert browser.get("/", headers=held).status_code == 303  # wherever the cookie has gone
+    again = browser.post("/login", data={"token": TOKEN}).headers["set-cookie"].split("=", 1)[1].split(";")[0]
+    database = guarded[1].database
+    assert sessions.is_known(database, again)
+    with database.writing() as connection:
+        connection.execute(sessions.sessions.update().values(ends=1.0))
+    assert not sessions.is_known(database, again)
+
+
+def test_the_description_says_where_the_service_stands(browser):
+    found = browser.get("/openapi.json", headers={"Authorization": f"Bearer {TOKEN}"}).json()
+    assert found["servers"] == [{"url": "/fit"}]
+
+
+@pytest.mark.slow
+def test_eight_clients_are_served_while_a_thousand_lines_are_held():
+    done = subprocess.run([sys.executable, "-W", "ignore", SCRIPT, "attack", "15"], capture_output=True, timeout=300)
+    found = json.loads(done.stdout)
+    assert found["wrong"] == [[], []]
+    assert found["p95_attacked_ms"] < 2 * found["p95_quiet_ms"]
+    assert found["left"] == 0
+    assert all(seconds < 20 for _, seconds in found["gone"].values())
+    assert found["33 MB of &"][0] == 413
+    assert found["longest guess"] < 2
+    assert found["code"] == 0

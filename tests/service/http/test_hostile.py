@@ -1,0 +1,154 @@
+"""Requests that nobody means well: each refused when it comes, in words, and none a fault of the service."""
+
+import json
+import logging
+from pathlib import Path
+
+import httpx
+import numpy as np
+import pytest
+import xarray
+
+from jshell.errors import StoreUnavailable
+from jshell.io.records import write_groups
+from jshell.service.log import plain
+from jshell.service.settings import Settings
+from jshell.service.store import Store
+
+from .conftest import RECORDING, listening
+
+JSON = {"Content-Type": "application/json"}
+FITS = "/api/v1/fits"
+
+
+def fit(trace: str, more: str) -> bytes:
+    return f'{{"traces": ["{trace}"], {more}}}'.encode()
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        '"seed": 1, "seed": 2',
+        '"tie": {"alpha1": "1", "alpha1": "2"}',
+        '"tie": {"alpha1": "\\ud800"}',
+        '"\\udfff": 1',
+        '"channels": ["\\ud83d"]',
+        '"channels": ["\xed\xa0\x80"]',
+        '"seed": ' + "[" * 9000,
+    ],
+)
+def test_json_that_means_two_things_or_none_is_refused(http, recording, more):
+    content = fit(recording, more)
+    if "\xed" in more:
+        content = content.replace("\xed\xa0\x80".encode(), b"\xed\xa0\x80")  # half a character, in bytes
+    found = http.post(FITS, content=content, headers=JSON)
+    assert (found.status_code, found.json()["code"]) == (400, "bad_request"), found.text
+    assert "twice" in found.text or more.count("seed") < 2
+
+
+@pytest.mark.parametrize(
+    "tie",
+    [
+        "9**9**9**9", "1/0", "alpha2 + 1/0", "__import__('os')", "sqrt(-1)", "1e999", "alpha1.real", "gamma", "x" * 200,
+        "(" * 199, "-" * 199, "alpha2 alpha2", "\x00", "alpha2[0]", "lambda: 1", "1 if alpha2 else 2", "log(0)",
+    ],
+)  # fmt: skip
+def test_a_tie_that_cannot_be_is_refused_when_it_comes(http, recording, tie):
+    found = http.post(FITS, json={"traces": [recording], "tie": {"alpha1": tie}})
+    assert (found.status_code, found.json()["code"]) == (422, "bad_value"), found.text
+    assert "tie" in found.json()["place"]
+
+
+@pytest.mark.parametrize("tie", ["0.3*alpha2", "sqrt(alpha2) - 1/k_vs", "1/log(alpha2)", "alpha2**2", "-alpha2"])
+def test_a_tie_that_can_be_is_taken(http, recording, tie):
+    assert http.post(FITS, json={"traces": [recording], "tie": {"alpha1": tie}}).status_code in (200, 202)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"), [('{"seed": 1, "seed": 2}', "twice"), ('"\\ud800"', "surrogates"), ("{", "JSON")]
+)
+def test_options_and_conditions_in_a_form_are_as_strict(http, options, words):
+    batch = http.post("/api/v1/batches", files={"files": RECORDING.read_bytes()}, data={"options": options})
+    trace = http.post("/api/v1/traces", files={"file": RECORDING.read_bytes()}, data={"conditions": options})
+    for found in (batch, trace):
+        assert (found.status_code, found.json()["code"]) == (422, "bad_value"), found.text
+        assert words in found.text
+
+
+def test_the_page_without_a_trace_asks_for_one(http):
+    for data in ({}, {"seed": "1"}, {"trace": []}):
+        found = http.post("/fits", data=data)
+        assert found.status_code == 422
+        assert "Choose a file first" in found.text
+    assert http.post("/traces/conditions", data={}).status_code in (303, 422)
+
+
+def test_a_form_in_another_alphabet_is_refused(http):
+    part = b'--x\r\nContent-Disposition: form-data; name="trace"\r\n\r\n\\ud800\r\n--x--\r\n'
+    for charset in ("unicode_escape", "undefined", "utf-7"):
+        kind = {"Content-Type": f"multipart/form-data; boundary=x; charset={charset}"}
+        assert http.post("/fits", content=part, headers=kind).status_code == 400, charset
+
+
+def test_a_channel_with_a_slash_is_taken_and_exported(http, tmp_path):
+    lines = RECORDING.read_text().splitlines()
+    head = next(row for row, line in enumerate(lines) if not line.startswith("#"))
+    lines[head] += ",H/R0 [-]"
+    content = "\n".join([*lines[: head + 1], *(line + ",0.5" for line in lines[head + 1 :])]).encode()
+    assert http.post("/api/v1/traces", files={"file": ("a.csv", content)}).status_code == 201
+    variables = {name: (("t",), np.zeros(2)) for name in ("H/R0", ".", "..", "H")}
+    write_groups(tmp_path / "a.nc", {"trace1": variables})  # what a fit writes beside its record
+    with xarray.open_dataset(tmp_path / "a.nc", group="trace1") as found:
+        assert sorted(found.data_vars) == ["H", "H_per_R0", "dot", "dotdot"]
+
+
+def test_nobody_writes_lines_into_the_log(caplog):
+    assert plain("a\nERROR forged\r\x1b[2J\x85\u202e") == "a\n    ERROR forged\\r\\x1b[2J\\x85\\u202e"
+    logging.getLogger("jshell.service").warning("job %s", "x\x1b[31m\nERROR y")
+    assert caplog.records[-1].getMessage() == "job x\\x1b[31m\n    ERROR y"
+
+
+def test_a_head_is_answered_as_a_get_without_its_body(http, recording):
+    for path in ("/", "/healthz", f"/api/v1/traces/{recording}", "/static/jshell.css", "/openapi.json", "/nothing"):
+        full, head = http.get(path), http.head(path)
+        assert (head.status_code, head.content) == (full.status_code, b""), path
+        assert head.headers["content-type"] == full.headers["content-type"]
+
+
+def test_a_database_that_does_not_answer_tells_nobody_where_it_lies(tmp_path: Path, monkeypatch, caplog):
+    settings = Settings(db=f"sqlite:///{tmp_path / 'jobs.db'}", warm=False)
+    with listening(settings) as (address, store), httpx.Client(base_url=address, trust_env=False) as http:
+        unavailable = store.database._unavailable
+
+        def lost(*_: object) -> None:
+            raise unavailable(f'connection to server on socket "{tmp_path}/.s.PGSQL.5432" failed: {tmp_path}/x')
+
+        for name in ("jobs", "counts", "trace"):
+            monkeypatch.setattr(Store, name, lost)
+        for path in (FITS, "/metrics", f"/api/v1/traces/{'0' * 32}", "/"):
+            found = http.get(path)
+            assert found.status_code == 503, path
+            assert found.headers["retry-after"]
+            assert str(tmp_path) not in found.text
+            assert "jobs.db" not in found.text
+    assert str(tmp_path) in caplog.text  # for its keeper
+    with pytest.raises(StoreUnavailable, match=str(tmp_path)):  # and where it cannot be opened at all
+        Store.open(f"sqlite:///{tmp_path}/none/jobs.db")
+
+
+def test_the_description_of_records_is_true(http):
+    paths = http.get("/openapi.json").json()["paths"]
+    for kind in ("fits", "simulations", "modes"):
+        schema = paths[f"/api/v1/{kind}/{{id}}.json"]["get"]["responses"]["200"]["content"]["application/json"]
+        assert "string" not in json.dumps(schema)
+
+
+def test_the_page_names_a_column_without_a_unit_as_the_api_does(http):
+    content = b"t [s],V [mm^3],x\n0,3,1\n1,2,1\n2,2,1\n"
+    api = http.post("/api/v1/traces", files={"file": ("a.csv", content)}).json()
+    page = http.post("/traces", files={"file": ("a.csv", content)})
+    assert (api["code"], page.status_code) == ("bad_units", 422)
+    assert "column `x`" in api["place"]
+    assert "column `x`" in page.text
+    bare = http.post("/traces", files={"file": ("a.csv", content.replace(b",x", b"").replace(b",1\n", b"\n"))})
+    assert bare.headers["location"].startswith("/traces/conditions")  # which are asked for

@@ -1,0 +1,119 @@
+"""The client and what is no service, or is none for a while: typed errors, within the time asked."""
+
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+
+import pytest
+
+import jshell
+from jshell.errors import JshellError
+from jshell.service.asking import Unreachable, _seconds
+from jshell.service.settings import Settings
+
+from .conftest import RECORDING, listening
+
+OK = b"HTTP/1.1 200 OK\r\nContent-Type: application/json\r\n"
+HTML = b"<html><h1>Welcome to nginx</h1></html>"
+
+
+def whole(head: bytes, body: bytes) -> bytes:
+    return head + b"Content-Length: %d\r\n\r\n" % len(body) + body
+
+
+def drip(line: socket.socket, first: bytes) -> None:
+    line.sendall(first)
+    for _ in range(60):
+        line.sendall(b" ")
+        time.sleep(0.05)
+
+
+MISBEHAVIOURS: dict[str, bytes | Callable[[socket.socket], None]] = {
+    "html": whole(b"HTTP/1.1 200 OK\r\nContent-Type: text/html\r\n", HTML),
+    "html 502": whole(b"HTTP/1.1 502 Bad Gateway\r\nContent-Type: text/html\r\n", HTML),
+    "redirect": whole(b"HTTP/1.1 302 Found\r\nLocation: https://login.example/\r\n", b""),
+    "a date to come back": whole(b"HTTP/1.1 503 Later\r\nRetry-After: Fri, 31 Dec 2100 23:59:59 GMT\r\n", b"{}"),
+    "another's json": whole(OK, b'{"ok": true}'),
+    "a list": whole(OK, b"[1, 2]"),
+    "too deep": whole(OK, b"[" * 20_000),
+    "no text": whole(OK, b"\xff\xfe\x00"),
+    "not http": b"220 mail.example ESMTP\r\n",
+    "nothing": b"",
+    "half of it": OK + b"Content-Length: 1000\r\n\r\n{",
+    "no gzip": whole(OK + b"Content-Encoding: gzip\r\n", b"not at all"),
+    "a slow body": lambda line: drip(line, OK + b"Content-Length: 1000\r\n\r\n"),
+    "a slow header": lambda line: drip(line, OK + b"X-1: "),
+    "silence": lambda line: time.sleep(3),
+}
+
+
+@pytest.fixture
+def wrong(request: pytest.FixtureRequest) -> Iterator[str]:
+    """Address of a server that misbehaves."""
+    answer = MISBEHAVIOURS[request.param]
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def serve() -> None:
+            while True:
+                try:
+                    line, _ = server.accept()
+                except OSError:
+                    return
+                threading.Thread(target=reply, args=(line,), daemon=True).start()
+
+        def reply(line: socket.socket) -> None:
+            with line:
+                try:
+                    line.recv(65536)
+                    line.sendall(answer) if isinstance(answer, bytes) else answer(line)
+                except OSError:
+                    return
+
+        threading.Thread(target=serve, daemon=True).start()
+        yield f"http://127.0.0.1:{server.getsockname()[1]}"
+        server.shutdown(socket.SHUT_RDWR)
+
+
+@pytest.mark.parametrize("wrong", MISBEHAVIOURS, indirect=True)
+def test_what_is_no_service_is_told_in_time(wrong):
+    with jshell.Client(wrong, timeout=0.15, patience=0.1) as client:
+        begun = time.monotonic()
+        with pytest.raises(JshellError) as found:
+            client.job("0" * 24)
+        assert isinstance(found.value, Unreachable)
+        assert time.monotonic() - begun < 2
+        begun = time.monotonic()
+        assert not client.healthy()
+        assert time.monotonic() - begun < 2
+
+
+def test_a_date_to_come_back_is_understood():
+    assert _seconds("3") == 3.0
+    assert _seconds("Fri, 31 Dec 2100 23:59:59 GMT") > 1e6
+    assert _seconds("soon") == _seconds("") == 0.0
+
+
+def test_who_waits_for_a_job_waits_through_a_restart(tmp_path):
+    settings = Settings(db=f"sqlite:///{tmp_path / 'jobs.db'}", warm=False)
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    with jshell.Client(f"http://127.0.0.1:{port}", patience=0.2) as client:
+        with listening(settings, port):
+            job = client.submit(RECORDING)
+            assert client.healthy()
+        assert not client.healthy()
+        with pytest.raises(Unreachable, match="jshell serve"):
+            job.now()  # who does not wait is told at once
+        over: list[str] = []
+        waiter = threading.Thread(target=lambda: over.append(job.wait(30).state))
+        waiter.start()
+        time.sleep(0.5)
+        with listening(settings, port) as (_, store):
+            store.cancel(job.id)
+            waiter.join(30)
+        assert over == ["cancelled"]
+        begun = time.monotonic()
+        with pytest.raises(Unreachable):
+            job.wait(0.5)
+        assert time.monotonic() - begun < 3
