@@ -97,7 +97,8 @@ def symmetry_map(thicknesses: Sequence[float], losses: Sequence[SymmetryLoss], a
                 ax.plot([thickness], [loss.checked], "o", color=BLUE, markerfacecolor="white")
             else:
                 ax.plot([thickness], [loss.volume_ratio], "o", color=VERMILION)
-                ax.annotate(f"m = {loss.order}", (thickness, loss.volume_ratio), (4, 3), textcoords="offset points")
+                point = thickness, loss.volume_ratio
+                ax.annotate(f"m = {loss.order}", point, (-4, -3), textcoords="offset points", ha="right", va="top")
         for row, (words, low, high) in enumerate(TABLE_1):
             ax.plot([low, high], [0.05 + 0.07 * row] * 2, color=GREEN, linewidth=3.0, solid_capstyle="butt")
             ax.annotate(words, (low, 0.075 + 0.07 * row), color=GREEN, fontsize=6.0)
