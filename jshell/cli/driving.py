@@ -8,7 +8,7 @@ import typer
 
 import jshell
 from jshell.cli.problem import Problem
-from jshell.errors import BadFile, BadValue, choose
+from jshell.errors import BadFile, BadUnits, BadValue, choose
 from jshell.files import NamedBytes
 
 if TYPE_CHECKING:
@@ -104,6 +104,13 @@ def outer_pressure(path: Path | None, problem: Problem) -> tuple | None:
         given = {key: float(value) for key, value in si_pairs(problem.conditions, problem.scales)}
         meta = NamedBytes("conditions.json", json.dumps(given).encode())
     trace = jshell.io.read_trace(path, meta=meta)
+    if problem.scales is None and trace.conditions is None and trace.scales is not None:  # it was read in SI
+        raise BadUnits(
+            str(path),
+            found="units, beside conditions without units",
+            expected="both in SI, or both without units",
+            remedy="Give the conditions in SI, or the table as pure numbers.",
+        )
     if "P_ext" not in trace.channels:
         raise BadFile(
             str(path),

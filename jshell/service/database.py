@@ -218,7 +218,8 @@ class Database:
     def _unavailable(self, words: str) -> StoreUnavailable:
         if self.place == "database":
             log.warning("the database: %s", words)
-            words = re.sub(r"[\w.]*/\S+|\"[^\"]*\"", "…", words)
+            # paths and names in quotation marks are nobody's business; "disk I/O error" is no path
+            words = re.sub(r"(?<![\w.])(?!I/O\b)[\w.]*/\S+|\"[^\"]*\"", "…", words)
         remedy = "Check that it can be reached and written, then try again; nothing that was accepted is lost."
         for mark, advice in _ADVICE:
             if mark in words:

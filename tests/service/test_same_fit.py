@@ -103,7 +103,7 @@ def test_every_way_in_asks_for_the_same(options, words, fields, monkeypatch):
 
     seen: dict = {}
     monkeypatch.setattr(js.calibration, "fit_trajectories", lambda traces, options: seen.update(options=options))
-    monkeypatch.setattr(js.io, "read_trace", lambda file, meta: file)
+    monkeypatch.setattr(js.io, "read_trace", lambda file, meta, **reading: file)
     CliRunner().invoke(app, ["fit", "T.csv", *words])
     assert seen["options"] == wanted
 
