@@ -132,14 +132,15 @@ class Schedule(NamedTuple):
     loads: Loads
     after: Float[Array, "samples"]
     held: Array
+    asked: Array
 
     def part(self, start: int, stop: int) -> "Schedule":
         """That of the samples from one number to another."""
         return jax.tree.map(lambda values: values[start:stop], self)
 
 
-def schedule(protocol: Pressure, count: int, pace: Pace) -> Schedule:
-    """The outer pressure of a whole run of `count` samples."""
+def schedule(protocol: Pressure, count: int, pace: Pace, asked: int) -> Schedule:
+    """The outer pressure of a whole run of `count` samples, of which the first `asked` were asked for."""
     h = pace.every / pace.inner
     stage = h / (1 + RADIUS)
 
@@ -153,7 +154,7 @@ def schedule(protocol: Pressure, count: int, pace: Pace) -> Schedule:
 
     numbers = jnp.arange(count)
     loads = jax.vmap(lambda k: jax.vmap(lambda i: step(k, i))(jnp.arange(pace.inner)))(numbers)
-    return Schedule(loads, *jax.vmap(sample)(numbers))
+    return Schedule(loads, *jax.vmap(sample)(numbers), numbers < asked)
 
 
 def body_of(setup: Setup, shape: Meridian) -> Body:
@@ -244,12 +245,16 @@ def _stretch(setup: Setup, body: Body, progress: Progress, ahead: Schedule, numb
         # a step is computed again on the way back: the states between are all that is kept
         again = jax.checkpoint(one, prevent_cse=False)
         progress = carry
-        (state, outcome), _ = jax.lax.scan(again, (progress.state, progress.outcome), now.loads)
+        begun = (progress.state, progress.outcome)
+        ended, _ = jax.lax.scan(again, begun, now.loads)
+        # samples after the last one asked for fill up a piece of usual length: the run has ended before them
+        state, outcome = jax.tree.map(lambda a, b: jnp.where(now.asked, a, b), ended, begun)
         good = outcome == Outcome.OK
         channels = _sample(body, state, now.after, setup.area)
         channels = jnp.where(good, channels, jax.lax.stop_gradient(channels))
         t = k * pace.every + pace.every
         events = _watch(body, state, channels, progress.events, good, t, now.held, pace.every)
+        events = jax.tree.map(lambda a, b: jnp.where(now.asked, a, b), events, progress.events)
         kept = (state.q, velocity(state, RADIUS), body.shape.nodes) if pace.shapes else (jnp.zeros(0),) * 3
         return Progress(progress.nodes, state, outcome, events), Sample(channels, good, *kept)
 

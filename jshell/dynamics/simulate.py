@@ -49,6 +49,7 @@ from jshell.trace import Trace, Values
 MOST_STEPS = 20_000_000  # of a run: three pressures are kept for each
 LONGEST_STEP = 1 / 60  # [time unit]: a kicked shell keeps its energy to 1e-4 over ten periods
 CHUNK = 20  # samples that one program takes: runs of any length share it
+FILLED = 600  # steps: longer pieces are not filled up, a run of few samples far apart would take many times as long
 REPORT = 10  # chunks between two reports of progress
 
 
@@ -243,8 +244,10 @@ def _run(
     count = count_of_samples("duration, every", duration, every)
     inner = limited("step", math.ceil(every / step - 1e-9), MOST_STEPS // count, "steps between samples")
     pace = Pace(float(every), inner, bool(follow), shapes)
-    # where the nodes follow the rim, the last stretch is run to its end and then cut
-    ahead = schedule(protocol, pace.stretch * math.ceil(count / pace.stretch), pace)
+    # the last piece is run to its end and then cut: runs of any length share one program
+    size = pace.stretch * max(1, CHUNK // pace.stretch)
+    piece = size if size * inner <= FILLED else pace.stretch
+    ahead = schedule(protocol, piece * math.ceil(count / piece), pace, count)
     # a law of the pressure may hold what is traced where nobody sees it: its numbers tell
     traced = any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((setup, q, kick, ahead)))
     # outside a trace one program serves all runs: those that keep no shapes have them and drop them
@@ -252,9 +255,11 @@ def _run(
     began, first = begin(setup, q, kick, protocol(jnp.asarray(0.0)))
     opening = Sample(first, jnp.asarray(True), *((q, kick, shape.nodes) if pace.shapes else (jnp.zeros(0),) * 3))
     if traced and checkpoint is None and progress is None:
-        state, samples = go_on(setup, began, ahead, jnp.asarray(0), pace)
+        # one program of its own anyway; where the nodes follow the rim, whole stretches
+        whole = ahead.part(0, pace.stretch * math.ceil(count / pace.stretch))
+        state, samples = go_on(setup, began, whole, jnp.asarray(0), pace)
     else:
-        state, samples = _in_chunks(setup, began, ahead, pace, checkpoint, progress)
+        state, samples = _in_chunks(setup, began, ahead, pace, size, checkpoint, progress)
     samples = jax.tree.map(lambda a, b: jnp.concatenate([a[None], b[:count]]), opening, samples)
     trace = _trace(setup, state, samples, every, count, every / pace.inner, steady, follow, throw)
     if setup.losses.second and not isinstance(trace["V"], Tracer):
@@ -275,13 +280,12 @@ def _protocol(steady: Pressure, pressure, forcing) -> Pressure:
     return steady if forcing is None else Sum((steady, forcing))
 
 
-def _in_chunks(setup, began, ahead: Schedule, pace, checkpoint, report) -> tuple[Progress, Sample]:
+def _in_chunks(setup, began, ahead: Schedule, pace, size: int, checkpoint, report) -> tuple[Progress, Sample]:
     """The run in pieces of one length, kept in a file and reported now and then; the same numbers as in one piece."""
     file = None if checkpoint is None else Checkpoint(Path(checkpoint), (setup, ahead, pace))
     state, parts, done, count = began, [], 0, ahead.after.shape[0]
     if file is not None:
         state, parts, done = file.load(began, parts)
-    size = pace.stretch * max(1, CHUNK // pace.stretch)
     while done < count:
         state, samples = go_on(setup, state, ahead.part(done, done + size), jnp.asarray(done), pace)
         parts.append(samples)

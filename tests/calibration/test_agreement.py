@@ -118,6 +118,6 @@ def test_a_pad_that_is_no_angle_is_refused(ring):
 
 
 def test_simulated_records_carry_their_pad():
-    made = js.dynamics.simulate(js.presets.R.conditions, duration=0.1, elements=16, attached=0.33)
+    made = js.dynamics.simulate(js.presets.R.conditions, duration=1.0, elements=16, attached=0.33)
     assert made.attached == 0.33
-    assert js.dynamics.simulate(js.presets.R.conditions, duration=0.1, elements=16).attached == 0.0
+    assert js.dynamics.simulate(js.presets.R.conditions, duration=1.0, elements=16).attached == 0.0
