@@ -31,7 +31,7 @@ class Roundness(NamedTuple):
 
     @property
     def verdict(self) -> str:
-        """`round`, `not round: m = 4, grows at rate …`, or `unknown`."""
+        """`round`, `not round` with the fastest order and the rate at which it grows, or `unknown`."""
         if int(self.stability.outcome) != Outcome.OK or self.growth == 0.0:
             return self.stability.verdict
         return f"not round: m = {self.order}, grows at rate {self.growth:.3g}"

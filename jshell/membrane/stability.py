@@ -88,7 +88,7 @@ class Stability(eqx.Module):
 
     @property
     def verdict(self) -> str:
-        """`round`, `not round: m = …`, or `unknown`."""
+        """`round`, `not round` with the softest order, or `unknown`."""
         if int(self.outcome) != Outcome.OK:
             return "unknown"
         return "round" if self.is_round else f"not round: m = {int(self.order)}"
