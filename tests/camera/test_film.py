@@ -7,8 +7,8 @@ from scipy.special import erf
 
 from jshell.errors import BadFile, BadName, MissingExtra, UnusableData
 
-pytest.importorskip("skimage")
-pytest.importorskip("tifffile")
+pytest.importorskip("skimage", reason="no scikit-image: pip install jshell[camera]")
+pytest.importorskip("tifffile", reason="no tifffile: pip install jshell[camera]")
 from jshell.camera import View, lens_from_grid, measure, open_film
 
 ROWS = COLUMNS = 256

@@ -58,7 +58,7 @@ def test_analyse_takes_what_a_file_leaves_open(monkeypatch, tmp_path):
 
 
 def test_a_film_is_measured_and_analysed_in_one_command(monkeypatch, tmp_path):
-    pytest.importorskip("skimage")
+    pytest.importorskip("skimage", reason="no scikit-image: pip install jshell[camera]")
     from PIL import Image
     from scipy.ndimage import gaussian_filter
 

@@ -107,7 +107,7 @@ def test_spreadsheets_and_tdms_name_the_extra_that_is_missing(monkeypatch):
 
 
 def test_a_spreadsheet_is_read_as_the_text_that_it_would_be(tmp_path):
-    openpyxl = pytest.importorskip("openpyxl")
+    openpyxl = pytest.importorskip("openpyxl", reason="no openpyxl: pip install jshell[instruments]")
     book = openpyxl.Workbook()
     book.active.append(["made by hand"])
     book.create_sheet("data")
@@ -122,7 +122,7 @@ def test_a_spreadsheet_is_read_as_the_text_that_it_would_be(tmp_path):
 
 
 def test_a_tdms_file_is_read_with_its_units_and_step(tmp_path):
-    nptdms = pytest.importorskip("nptdms")
+    nptdms = pytest.importorskip("nptdms", reason="no nptdms: pip install jshell[instruments]")
     properties = {"unit_string": "V", "wf_increment": 1e-3, "wf_start_offset": 0.0}
     with nptdms.TdmsWriter(tmp_path / "a.tdms") as writer:
         writer.write_segment([nptdms.ChannelObject("scope", "CH1", X, properties=properties)])

@@ -161,7 +161,7 @@ def test_a_record_without_conditions_stays_in_si_and_comes_back(tmp_path):
 
 
 def test_a_frame_of_pandas_is_read_by_the_rules_of_files():
-    pandas = pytest.importorskip("pandas")
+    pandas = pytest.importorskip("pandas", reason="no pandas: pip install pandas")
     frame = pandas.DataFrame({"H [mm]": [3.0, 2.0], "who": ["a", "b"]}, index=pandas.to_timedelta([0, 1], "ms"))
     with pytest.warns(GuessWarning, match="`who` of words"):
         found = Trace.from_pandas(frame)
