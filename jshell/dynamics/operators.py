@@ -20,7 +20,7 @@ from jshell.dynamics.losses import Losses, drag_rate
 from jshell.flow import bulk_resistance, flow, gyroscopic, second_resistance, slip_operator
 from jshell.flow.gyroscopic import gyroscopic_parts
 from jshell.flow.panels import Layers, flux_of, flux_operator, green_of, layers, single_layer_of
-from jshell.flow.second_order import AtWall, displaced_source, inverse_of, slip_splines, stresses
+from jshell.flow.second_order import AtWall, displaced_source, inverse_of, stresses
 from jshell.flow.wall_motion import across_wall, across_wall_slope, along_wall, column, every_motion, one_motion
 from jshell.membrane import Wall, wall_resistance
 from jshell.membrane.viscous import wall_rates
@@ -34,8 +34,8 @@ Points = Float[Array, "points"]
 
 
 class Body(NamedTuple):
-    """All that does not change within a step: discretisation, wall, conditions, layer, losses, the wall's own mass, and
-    what of a motion the mesh resolves."""
+    """All that does not change within a step: discretisation, wall, conditions, layer, losses, the wall's own mass,
+    what of a motion the mesh resolves, and what takes a slip to its nearest splines."""
 
     shape: Meridian
     wall: Wall
@@ -44,6 +44,7 @@ class Body(NamedTuple):
     losses: Losses
     solid: Matrix
     resolved: Matrix
+    nearest: Float[Array, "odd points"]
 
 
 class Dense(NamedTuple):
@@ -75,7 +76,8 @@ def dense(body: Body, q: Coordinates, u: Coordinates) -> Dense:
     none, viscosity = jnp.zeros_like(M), jnp.asarray(body.conditions.viscosity)
     if body.losses.second:
         # what the mesh does not resolve would get a second order of the wrong sign
-        B = viscosity * body.resolved.T @ second_resistance(shape, current, W, inverse) @ body.resolved
+        second = second_resistance(shape, current, W, inverse, body.nearest)
+        B = viscosity * body.resolved.T @ second @ body.resolved
     else:
         B = viscosity * bulk_resistance(shape, current) if body.losses.bulk else none
     viscous = body.losses.wall
@@ -230,12 +232,11 @@ class Free(NamedTuple):
     def _displaced(self, w: Points) -> Points:
         """Force on the slip by the liquid that a layer of slip w displaces."""
         shape, parts = self.body.shape, self.parts
-        nearest = lambda w: slip_splines(shape, w)  # noqa: E731
-        slip, source = nearest(w), displaced_source(shape, parts)
+        slip, source = self.body.nearest @ w, displaced_source(shape, parts)
         across = (shape.r_basis[0] * (2 * jnp.pi * shape.weights * parts.curve.r)[:, None]).T @ shape.potential_basis[1]
         # symmetric: what the slip drives, and what its reaction does
         on_splines = (across @ self._flow(source @ slip) + source.T @ self._adjoint(across.T @ slip)) / 2
-        return jax.linear_transpose(nearest, w)(on_splines)[0]
+        return self.body.nearest.T @ on_splines
 
     def solid(self, v: Coordinates) -> Coordinates:
         """Resistance of the wall."""

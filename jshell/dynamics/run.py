@@ -47,6 +47,7 @@ from jshell.dynamics.motion import (
     velocity,
 )
 from jshell.errors import Outcome
+from jshell.flow.second_order import slip_splines
 from jshell.membrane import elastic_energy, gas_energy, wall
 from jshell.membrane.energy import Area
 from jshell.membrane.equilibrium import DIMPLE_DEPTH
@@ -168,7 +169,14 @@ def body_of(setup: Setup, shape: Meridian) -> Body:
         profile = jnp.interp(shape.angles, s.shape.angles, s.profile)
     solid = solid_mass(shape, profile, c.thickness, s.shell_density)
     return Body(
-        shape, wall(shape, c, profile), c, layer(s.losses, c.viscosity), s.losses, solid, resolved_motions(shape)
+        shape,
+        wall(shape, c, profile),
+        c,
+        layer(s.losses, c.viscosity),
+        s.losses,
+        solid,
+        resolved_motions(shape),
+        slip_splines(shape),
     )
 
 

@@ -69,23 +69,29 @@ def second_order(shape: Meridian, current: Flow) -> SecondOrder:
     surface = column(2 * jnp.pi * shape.weights * curve.r * speed(curve))
     work = -2 * wall.w.T @ (surface * (wall.v_s - column(bent.meridian) * wall.u_s))
     curved = wall.w.T @ (surface * column(bent.twice_mean / 2 + bent.meridian) * wall.w)
-    displaced = displacement(shape, current.parts, inverse_of(current), wall.w)
+    displaced = displacement(shape, current.parts, inverse_of(current), slip_splines(shape) @ wall.w)
     return SecondOrder(bulk_resistance(shape, current), work + work.T, curved, displaced)
 
 
 def second_resistance(
-    shape: Meridian, current: Flow, slip: Columns | None = None, inverse: Float[Array, "nodes nodes"] | None = None
+    shape: Meridian,
+    current: Flow,
+    slip: Columns | None = None,
+    inverse: Float[Array, "nodes nodes"] | None = None,
+    nearest: Float[Array, "odd points"] | None = None,
 ) -> Matrix:
     """D of a shape, symmetric [R0]: u·D u times the viscosity is the power of second order.
 
     Args:
         shape, current: The wall and `flow` of it.
-        slip, inverse: `slip_operator(shape, current)` and the inverse of 1/2 - D, where they are known already.
+        slip, inverse, nearest: `slip_operator(shape, current)`, the inverse of 1/2 - D and `slip_splines(shape)`, where
+            they are known already.
     """
     wall = at_wall(shape, current, slip_operator(shape, current) if slip is None else slip)
     known = inverse_of(current) if inverse is None else inverse
+    splines = slip_splines(shape) if nearest is None else nearest
     local = jnp.concatenate(wall).T @ jnp.concatenate(stresses(shape, current.parts.curve, wall))
-    return local + displacement(shape, current.parts, known, wall.w)
+    return local + displacement(shape, current.parts, known, splines @ wall.w)
 
 
 def inverse_of(current: Flow) -> Float[Array, "nodes nodes"]:
@@ -107,20 +113,22 @@ def stresses(shape: Meridian, curve: Curve, wall: AtWall) -> AtWall:
     )
 
 
-def displacement(shape: Meridian, parts: Layers, inverse: Float[Array, "nodes nodes"], slip: Columns) -> Matrix:
-    """∮ div_S(w) N div_S(w) dA: the flow that a layer of slip w drives by displacing liquid."""
-    w, source = slip_splines(shape, slip), displaced_source(shape, parts)
+def displacement(
+    shape: Meridian, parts: Layers, inverse: Float[Array, "nodes nodes"], w: Float[Array, "odd columns"]
+) -> Matrix:
+    """∮ div_S(w) N div_S(w) dA: the flow that a layer of slip w, given by its splines, drives by displacing liquid."""
+    source = displaced_source(shape, parts)
     ring = column(2 * jnp.pi * shape.weights * parts.curve.r)
     # by parts: ∮ ∂φ/∂s w dA, φ the potential of the displaced liquid
     one_way = -(shape.r_basis[0].T @ (ring * shape.potential_basis[1])) @ (inverse @ source)
     return w.T @ ((one_way + one_way.T) / 2 @ w)
 
 
-def slip_splines(shape: Meridian, w: Float[Array, "points ..."]) -> Float[Array, "odd ..."]:
-    """Coefficients of the odd splines nearest to a slip at the Gauss points."""
+def slip_splines(shape: Meridian) -> Float[Array, "odd points"]:
+    """Takes a slip at the Gauss points to the coefficients of the odd splines nearest to it; it belongs to the mesh."""
     basis = shape.r_basis[0]
     weighted = basis.T * shape.weights[None]
-    return jnp.linalg.solve(weighted @ basis, weighted) @ w  # the first factor belongs to the mesh, not to the step
+    return jnp.linalg.solve(weighted @ basis, weighted)
 
 
 def displaced_source(shape: Meridian, parts: Layers) -> Float[Array, "nodes odd"]:
