@@ -3,5 +3,6 @@
 from jshell.camera.distortion import Lens, lens_from_grid
 from jshell.camera.film import Filmed, View, measure
 from jshell.camera.frames import open_film
+from jshell.camera.outlines import write_outlines
 
-__all__ = ["Filmed", "Lens", "View", "lens_from_grid", "measure", "open_film"]
+__all__ = ["Filmed", "Lens", "View", "lens_from_grid", "measure", "open_film", "write_outlines"]

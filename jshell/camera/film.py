@@ -16,15 +16,19 @@ import numpy as np
 from jaxtyping import Float
 
 from jshell.camera.distortion import Lens
-from jshell.camera.frames import Film, open_film
+from jshell.camera.forms import Film
+from jshell.camera.frames import open_film
 from jshell.camera.hull import axis_of, extent
 from jshell.camera.outline import SATURATED, Outline, find_outline
+from jshell.camera.revolution import Revolved, revolved
 from jshell.errors import BadValue, UnusableData
 from jshell.io.columns import SECONDS
 from jshell.trace import Trace, Values
 
 TILT = np.radians(20)  # how far from upright an axis is looked for
 CLEAR = 0.2  # contrast of a mirror axis that is one
+EVEN = 0.05  # of a step: times that lie nearer to whole steps are whole steps
+OFF = 1e-3  # relative difference of a rate given from the film's own that is worth a word
 TOLD = np.radians(2)  # tilt that is worth a word
 FEWEST = 2  # frames with a shell
 
@@ -34,20 +38,23 @@ class View:
     """What is known of the camera.
 
     Attributes:
-        rate: Frames per second.
+        rate: Frames per second; None takes the film's own.
         pixel: Size of a pixel at the shell [m]; None leaves lengths in pixels.
         dark: Whether the shell is darker than what surrounds it.
         axis: Direction of the axis from the picture's columns upward [degrees]; 90 is upright, None looks for it.
         holder: Rows and columns (first row, last row, first column, last column) of what holds the shell, left out.
         lens: The distortion that a picture of a grid showed.
+        section: Whether the film shows a section along the axis, dimple and all, as a light sheet does: volume, area
+            and poles of the outline turned about the axis are measured as well.
     """
 
-    rate: float | int
+    rate: float | int | None = None
     pixel: float | None = None
     dark: bool = True
     axis: float | int | None = 90.0
     holder: tuple[int, int, int, int] | None = None
     lens: Lens | None = None
+    section: bool = False
 
 
 @dataclass(frozen=True)
@@ -56,7 +63,7 @@ class Filmed:
 
     Attributes:
         trace: Height and width, with their errors: `H`, `W` in SI where the size of a pixel is known, else `height`
-            and `width` in pixels.
+            and `width` in pixels. Of a section also `V`, `S` (`volume`, `area`) and the poles `upper` and `lower`.
         outlines: Of every frame, None where it shows no shell.
         axis: Direction of the axis that was used [degrees].
         warnings: What spoils the film, in words.
@@ -82,12 +89,13 @@ def measure(film: Film | str | Path, view: View, progress: Callable[[float], Non
         MissingExtra: The extra `camera` is not installed.
         UnusableData: Fewer than two frames with a shell.
     """
-    for name, number in (("rate", view.rate), ("pixel", 1.0 if view.pixel is None else view.pixel)):
-        if not 0 < number < np.inf:
+    for name, number in (("rate", view.rate), ("pixel", view.pixel)):
+        if number is not None and not 0 < number < np.inf:
             raise BadValue(f"view, {name}", found=str(number), expected="a number above 0", remedy="Check the camera.")
     if not isinstance(film, Film):
         with open_film(film) as found:
             return measure(found, view, progress)
+    times, words = _times(film, view)
     outlines, burnt = [], 0
     for number in range(film.count):
         frame = film.read(number)
@@ -103,10 +111,63 @@ def measure(film: Film | str | Path, view: View, progress: Callable[[float], Non
             expected=f"at least {FEWEST}",
             remedy="Say whether it is dark or bright; mask the holder.",
         )
-    angle, words = _axis([outlines[k] for k in seen], view)
+    angle, told = _axis([outlines[k] for k in seen], view)
     sizes = np.array([_sizes(outlines[k], angle) for k in seen])
-    words += _warnings(film, outlines, burnt)
-    return Filmed(_trace(np.array(seen), sizes, view), tuple(outlines), float(np.degrees(angle)), tuple(words))
+    bodies = [revolved(outlines[k], angle) for k in seen] if view.section else []
+    if any(body is None for body in bodies):
+        kept = [i for i, body in enumerate(bodies) if body is not None]
+        told.append(f"{len(bodies) - len(kept)} outlines are not closed and are gaps")
+        seen, sizes, bodies = [seen[i] for i in kept], sizes[kept], [bodies[i] for i in kept]
+    words += told + _warnings(film, outlines, burnt) + _smeared(film, times[seen], sizes, outlines)
+    trace = _trace(times[seen], sizes, [body for body in bodies if body is not None], view)
+    return Filmed(trace, tuple(outlines), float(np.degrees(angle)), tuple(words))
+
+
+def _times(film: Film, view: View) -> tuple[Float[np.ndarray, "frames"], list[str]]:
+    """When each frame was taken [s], and what is to be said of it."""
+    own, words = film.times, []
+    if own is None or len(own) < FEWEST:
+        if view.rate is None:
+            raise BadValue(
+                "view, rate",
+                found=f"nothing, and {film.name} does not hold it",
+                expected="frames per second",
+                remedy="Give the camera's.",
+            )
+        return np.arange(film.count) / float(view.rate), words
+    steps = np.diff(own)
+    if not np.all(steps > 0):
+        raise BadValue(film.name, found="times that do not ascend", expected="ascending times", remedy="Give a rate.")
+    # stamps are often rounded: frames are counted by the steps, and a step is the whole film's mean
+    taken = np.rint(steps / np.median(steps))
+    missing, step = int(np.sum(taken - 1)), float(own[-1] / np.sum(taken))
+    # a film made slower for watching keeps its gaps, in the time of the camera
+    numbers = own / step
+    even = np.all(np.abs(numbers - np.rint(numbers)) < EVEN)
+    numbers = np.rint(numbers) if even else numbers
+    times = numbers * step if view.rate is None else numbers / float(view.rate)
+    if missing:
+        words.append(f"{missing} frames are missing from the film, by its own times")
+    if view.rate is None:
+        shown = f"{1 / step:.6g} frames per second, as the film says"
+        slow = "; a high-speed camera's film is often written to be watched slower: give the camera's rate"
+        words.append(shown + (slow if film.playback else ""))
+    elif not film.playback and abs(step * float(view.rate) - 1) > OFF:
+        words.append(f"{float(view.rate):.6g} frames per second as given; the film itself says {1 / step:.6g}")
+    return times, words
+
+
+def _smeared(film: Film, times: np.ndarray, sizes: np.ndarray, outlines: list[Outline | None]) -> list[str]:
+    """Whether an edge moves by more than its blur while a frame is exposed."""
+    if film.exposure is None or len(times) < 3:
+        return []
+    # the faster of the two, seen from the middle: either end moves at half the speed of the size
+    speed = np.abs(np.gradient(sizes[:, [0, 2]], times, axis=0)).max() / 2
+    blur = float(np.median([one.blur for one in outlines if one is not None]))
+    moved = speed * film.exposure
+    if moved <= max(blur, 0.5):
+        return []
+    return [f"the edge moves by {moved:.2g} px while a frame is exposed: its fastest frames are smeared"]
 
 
 def _outlined(frame: Float[np.ndarray, "rows columns"], view: View) -> Outline | None:
@@ -152,10 +213,24 @@ def _warnings(film: Film, outlines: list[Outline | None], burnt: int) -> list[st
     return words
 
 
-def _trace(seen: np.ndarray, sizes: Float[np.ndarray, "frames 4"], view: View) -> Trace:
-    factor = 1.0 if view.pixel is None else view.pixel
-    names = ("height", "width") if view.pixel is None else ("H", "W")
-    own = (("channel_units", "; ".join(f"{name}: px" for name in names)),) if view.pixel is None else ()
-    channels: dict[str, Values] = {name: factor * sizes[:, 2 * k] for k, name in enumerate(names)}
-    sigma: dict[str, Values] = {name: factor * sizes[:, 2 * k + 1] for k, name in enumerate(names)}
-    return Trace(seen / float(view.rate), channels, None, sigma, settings=own, scales=SECONDS)
+# Names in SI and in pixels, and the power of a length that each is.
+SIZES = (("H", "height", 1), ("W", "width", 1))
+BODY = (("V", "volume", 3), ("S", "area", 2), ("upper", "upper", 1), ("lower", "lower", 1))
+
+
+def _trace(times: np.ndarray, sizes: Float[np.ndarray, "frames 4"], bodies: list[Revolved], view: View) -> Trace:
+    columns = [(sizes[:, 2 * k], sizes[:, 2 * k + 1]) for k in range(2)]
+    columns += [tuple(np.array([[one[k].value, one[k].sigma] for one in bodies]).T) for k in range(4) if bodies]
+    channels: dict[str, Values] = {}
+    sigma: dict[str, Values] = {}
+    units = []
+    for (name, pixels, power), (value, error) in zip(SIZES + BODY, columns, strict=False):
+        name, factor = (pixels, 1.0) if view.pixel is None else (name, float(view.pixel) ** power)
+        channels[name], sigma[name] = factor * value, factor * error
+        # units of their own are only said of what a file's head does not know
+        if view.pixel is None:
+            units.append(f"{name}: px" + ("" if power == 1 else f"{power}"))
+        elif name in ("upper", "lower"):
+            units.append(f"{name}: m")
+    own = (("channel_units", "; ".join(units)),) if units else ()
+    return Trace(times, channels, None, sigma, settings=own, scales=SECONDS)

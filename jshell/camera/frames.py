@@ -1,62 +1,28 @@
-"""The frames of a film, one at a time: a TIFF stack, or a folder of pictures in the order of their names.
-
-What a file claims to hold is compared with what one can hold before a pixel is read.
-"""
+"""A film is opened by its suffix: TIFF stacks and folders of pictures here, in the order of their names."""
 
 import re
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
+from jshell.camera.forms import Film, check_form, grey, white_of
+from jshell.camera.high_speed import HEADERS, phantom, photron
+from jshell.camera.videos import VIDEOS, video
 from jshell.errors import BadFile, BadName, require_extra
 from jshell.io.files import SPOILED, check_file, spoiled
 
 EXTRA = "camera"
 STACKS = (".tif", ".tiff")
 PICTURES = (".png", ".tif", ".tiff", ".bmp", ".pgm")
-MOST_PIXELS = 2**26  # of one frame
-MOST_FRAMES = 10**6
-
-
-@dataclass(frozen=True)
-class Film:
-    """A film that is open for reading.
-
-    Attributes:
-        name: Of the file or folder.
-        count: Frames.
-        shape: Rows and columns of each.
-        white: The largest grey value that its numbers can hold: 255, 4095, 65535, …
-        read: The frame of a number, from zero.
-        close: Close its file.
-    """
-
-    name: str
-    count: int
-    shape: tuple[int, int]
-    white: float
-    read: Callable[[int], Float[np.ndarray, "rows columns"]]
-    close: Callable[[], None] = lambda: None
-
-    def __enter__(self) -> "Film":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def __iter__(self) -> Iterator[Float[np.ndarray, "rows columns"]]:
-        return (self.read(number) for number in range(self.count))
 
 
 def open_film(path: str | Path) -> Film:
     """A film, of which nothing but its form has been read.
 
     Args:
-        path: A TIFF stack, or a folder of PNG or TIFF pictures.
+        path: A TIFF stack, a folder of PNG or TIFF pictures, a video (`.avi`, `.mp4`, …), or the film of a
+            high-speed camera: Photron's `.cihx` or `.cih` with `.mraw`, Phantom's `.cine`.
 
     Raises:
         BadFile: No film, frames of different sizes, or too large.
@@ -67,54 +33,16 @@ def open_film(path: str | Path) -> Film:
     if path.is_dir():
         return _folder(path)
     check_file(path)
-    if path.suffix.lower() not in STACKS:
+    readers = dict.fromkeys(STACKS, _stack) | dict.fromkeys(VIDEOS, video) | dict.fromkeys(HEADERS, photron)
+    reader = (readers | {".cine": phantom}).get(path.suffix.lower())
+    if reader is None:
         raise BadName(
             str(path),
             found=f"the suffix {path.suffix}",
-            expected="a folder of pictures, or one of " + ", ".join(STACKS),
+            expected="a folder of pictures, or one of " + ", ".join((*readers, ".cine")),
             remedy="Export the film as a TIFF stack or as numbered PNG pictures; ImageJ and ffmpeg do.",
         )
-    return _stack(path)
-
-
-def grey(place: str, frame: Any, shape: tuple[int, int] | None = None) -> Float[np.ndarray, "rows columns"]:
-    """A frame as grey values; of colours, their mean.
-
-    Raises:
-        BadFile: No picture, or one of another size than the first.
-    """
-    values = np.asarray(frame)
-    if values.ndim == 3 and values.shape[2] in (2, 3, 4):
-        values = values[..., : 3 if values.shape[2] > 2 else 1].mean(axis=2)
-    if values.ndim != 2 or values.dtype.kind not in "uif" or (shape is not None and values.shape != shape):
-        raise BadFile(
-            place,
-            found=f"an array of {values.dtype} of shape {values.shape}",
-            expected="a grey picture" + ("" if shape is None else f" of {shape[0]} × {shape[1]}"),
-            remedy="Export the film again.",
-        )
-    return values.astype(np.float64)
-
-
-def white_of(dtype: np.dtype, most: float) -> float:
-    """The largest value of a camera's numbers: of integers, the power of two that holds those of the first frame."""
-    if dtype.kind == "f":
-        return 1.0 if most <= 1 else float(most)
-    if dtype.itemsize == 1:
-        return 255.0
-    bits = next((bits for bits in (10, 12, 14) if most < 2**bits), 8 * dtype.itemsize)
-    return float(2**bits - 1)
-
-
-def _check(place: str, count: int, shape: tuple[int, ...]) -> None:
-    pixels = float(np.prod([float(size) for size in shape[:2]]))
-    if count < 1 or count > MOST_FRAMES or pixels > MOST_PIXELS or pixels < 64:
-        raise BadFile(
-            place,
-            found=f"{count} frames of {pixels:.4g} pixels",
-            expected=f"1 to {MOST_FRAMES} frames of 64 to {MOST_PIXELS} pixels",
-            remedy="Cut the film, or check how it was written.",
-        )
+    return reader(path)
 
 
 def _stack(path: Path) -> Film:
@@ -124,7 +52,7 @@ def _stack(path: Path) -> Film:
         file = library.TiffFile(path)
         pages = file.pages
         count, shape = len(pages), tuple(pages[0].shape)
-        _check(str(path), count, shape)
+        check_form(str(path), count, shape)
     except BadFile:
         file.close() if file is not None else None
         raise
@@ -136,7 +64,7 @@ def _stack(path: Path) -> Film:
         place = f"{path}, frame {number + 1}"
         try:
             page = pages[number]
-            _check(place, count, tuple(page.shape))
+            check_form(place, count, tuple(page.shape))
             frame = page.asarray()
         except BadFile:
             raise
@@ -168,7 +96,7 @@ def _folder(path: Path) -> Film:
         place = str(names[number])
         try:
             with library.open(names[number]) as picture:
-                _check(place, len(names), picture.size)
+                check_form(place, len(names), picture.size)
                 return np.asarray(picture)
         except BadFile:
             raise
@@ -197,7 +125,7 @@ def one_picture(path: Path) -> Float[np.ndarray, "rows columns"]:
     library = require_extra("PIL.Image", EXTRA, "pictures")
     try:
         with library.open(path) as picture:
-            _check(str(path), 1, picture.size)
+            check_form(str(path), 1, picture.size)
             return grey(str(path), np.asarray(picture))
     except BadFile:
         raise

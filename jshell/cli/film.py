@@ -17,14 +17,20 @@ SHOWN = 6  # frames of the strip
 
 @speaking
 def film(
-    path: Annotated[Path, typer.Argument(help="TIFF stack, or a folder of PNG or TIFF pictures.")],
-    rate: Annotated[float, typer.Option(help="Frames per second.")],
+    path: Annotated[
+        Path, typer.Argument(help="TIFF stack, folder of PNG or TIFF pictures, video, .cihx with .mraw, or .cine.")
+    ],
+    rate: Annotated[float | None, typer.Option(help="Frames per second; without it, the film's own.")] = None,
     pixel: Annotated[float | None, typer.Option(help="Size of a pixel at the shell [m]; without it, pixels.")] = None,
     bright: Annotated[bool, typer.Option("--bright", help="The shell is brighter than what surrounds it.")] = False,
     axis: Annotated[str, typer.Option(help="Direction of the axis in degrees, 90 is upright; or `find`.")] = "90",
     holder: Annotated[str | None, typer.Option(help="TOP:BOTTOM:LEFT:RIGHT pixels of the holder, left out.")] = None,
     grid: Annotated[Path | None, typer.Option(help="Picture of a grid of dots through the same window.")] = None,
+    section: Annotated[
+        bool, typer.Option("--section", help="The film shows a section along the axis: volume, area, poles as well.")
+    ] = False,
     out: Annotated[Path | None, typer.Option("--out", help="Trace to write.")] = None,
+    contours: Annotated[Path | None, typer.Option(help="Outlines of all frames to write, .nc.")] = None,
     overlay: Annotated[Path | None, typer.Option(help="Strip of frames with their outlines to draw.")] = None,
     analyse: Annotated[bool, typer.Option("--analyse", help="Go on to frequencies and decay time.")] = False,
     start: Annotated[float | None, typer.Option("--from", help="Window's start [s].")] = None,
@@ -36,7 +42,7 @@ def film(
     drawable(overlay, "--overlay")
     camera = jshell.camera
     lens = None if grid is None else camera.lens_from_grid(grid)
-    view = camera.View(rate, pixel, not bright, _angle(axis), _box(holder), lens)
+    view = camera.View(rate, pixel, not bright, _angle(axis), _box(holder), lens, section)
     with told(shown=not as_json) as progress:
         found = camera.measure(path, view, progress)
     for text in found.warnings:
@@ -44,6 +50,9 @@ def film(
     if out is not None:
         jshell.io.write_trace(out, found.trace)
         log(f"wrote {out}")
+    if contours is not None:
+        camera.write_outlines(contours, found)
+        log(f"wrote {contours}")
     if overlay is not None:
         _strip(path, found, overlay)
         log(f"wrote {overlay}")
@@ -55,8 +64,8 @@ def film(
     if as_json:
         say(record | ({} if signature is None else {"signature": signature.record()}))
     else:
-        unit = "px" if pixel is None else "m"
         for name in found.trace.channels:
+            unit = ("px" if pixel is None else "m") + {"V": "³", "volume": "³", "S": "²", "area": "²"}.get(name, "")
             typer.echo(f"{name}: mean {record[name]['mean']:.6g} {unit}, ± {record[name]['sigma']:.2g} {unit} a frame")
         if signature is not None:
             typer.echo(signature_table(signature))
