@@ -168,7 +168,7 @@ def symmetry(result: Result) -> str:
     run, found = result.run, result.findings
     if found.symmetry or found.V_e_over_V0 is None:
         return found.symmetry
-    return "round (law)" if run.d_hat > thinnest_round(found.V_e_over_V0, run.nu) else "not round (law)"
+    return "round (law)" if run.d_hat >= thinnest_round(found.V_e_over_V0, run.nu) else "not round (law)"
 
 
 def _cell(value: Any) -> str:

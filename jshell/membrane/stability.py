@@ -34,7 +34,7 @@ from jshell.membrane.azimuthal import (
 from jshell.membrane.energy import wall
 from jshell.membrane.equilibrium import RestShape, cached_meridian, raise_unless_ok, reworked
 
-HIGHEST = 40  # order: more than the thinnest rest shape needs
+HIGHEST_ORDER = 40  # order: more than the thinnest rest shape needs
 FEWEST = 4  # orders that are always looked at
 FINER = 1.5  # elements from one look to the next
 LOOKS = 5
@@ -151,18 +151,18 @@ def stability(
 
 def usual_orders(thickness: float) -> np.ndarray:
     """Orders that a shell of a thickness can lose its symmetry by, and some more."""
-    return np.arange(1, int(np.clip(np.ceil(2.0 / np.sqrt(thickness)), FEWEST, HIGHEST)) + 1)
+    return np.arange(1, int(np.clip(np.ceil(2.0 / np.sqrt(thickness)), FEWEST, HIGHEST_ORDER)) + 1)
 
 
 def checked_orders(orders: int | Sequence[int]) -> np.ndarray:
     """Orders as an array, each from 1 to the highest."""
     chosen = np.atleast_1d(np.asarray(orders))
     whole = chosen.size > 0 and np.issubdtype(chosen.dtype, np.integer)
-    if not (whole and chosen.min() >= 1 and chosen.max() <= HIGHEST):
+    if not (whole and chosen.min() >= 1 and chosen.max() <= HIGHEST_ORDER):
         raise BadValue(
             "orders",
             found=repr(orders),
-            expected=f"integers from 1 to {HIGHEST}",
+            expected=f"integers from 1 to {HIGHEST_ORDER}",
             remedy="Axisymmetric motions (m = 0) are in `rest.stability` and `modes`.",
         )
     return chosen

@@ -12,7 +12,7 @@ import pytest
 from jshell import membrane
 from jshell.contour import azimuthal
 from jshell.errors import BadShape, BadValue, Outcome
-from jshell.membrane.azimuthal import local_form, order_of, point_hessians, stiffness_of_order
+from jshell.membrane.azimuthal import local_form, order_of, orthonormal, point_hessians, stiffness_of_order
 from jshell.membrane.energy import stiffness_at, wall
 from jshell.membrane.stability import shared, spectrum, usual_orders
 
@@ -191,16 +191,43 @@ def test_the_sign_is_right_from_any_number_of_elements(thickness, sign, elements
     assert found.eigenvalue == pytest.approx(float(many.eigenvalue), rel=0.01)
 
 
+def test_a_basis_has_the_derivative_of_its_span():
+    """Of no motions too: orders above 1 have none that cost nothing."""
+    rng = np.random.default_rng(0)
+    form = jnp.asarray(np.diag(rng.uniform(1, 2, 5)))
+    columns, way = (jnp.asarray(rng.standard_normal((5, 3))) for _ in range(2))
+    columns = columns.at[:, 2].set(0.0)
+
+    def onto(size):  # the projection on the span does not know its basis
+        basis = orthonormal(columns + size * way.at[:, 2].set(0.0), form)
+        return basis @ basis.T
+
+    basis = orthonormal(columns, form)
+    np.testing.assert_allclose(basis.T @ form @ basis, np.diag(jnp.any(basis != 0, axis=0)), atol=1e-14)
+    exact, h = jax.jacfwd(onto)(0.0), 1e-5
+    np.testing.assert_allclose(exact, (onto(h) - onto(-h)) / (2 * h), rtol=1e-7, atol=1e-9)
+    nothing = jax.jacfwd(lambda size: orthonormal(0 * columns, (1 + size) * form))(0.0)
+    np.testing.assert_array_equal(nothing, 0.0)
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(("unknown", "step"), [("thickness", 1e-4), ("outer_pressure", 1e-3)])
-def test_an_eigenvalue_has_the_derivative_of_its_differences(unknown, step, make_problem):
+def test_eigenvalues_have_the_derivatives_of_their_differences(make_problem):
     c = make_problem(0.1, 0.9, 1.2)
 
-    def lowest(value):
-        changed = eqx.tree_at(lambda c: getattr(c, unknown), c, value)
-        return spectrum(membrane.rest(changed, elements=48), jnp.array([2, 3]))[0]
+    def lowest(numbers):
+        changed = eqx.tree_at(lambda c: (c.thickness, c.outer_pressure), c, tuple(numbers))
+        return membrane.stability(membrane.rest(changed, elements=48), orders=(2, 3), elements=48).eigenvalues
 
-    at = getattr(c, unknown)
+    at = jnp.array([0.1, 1.2])
     exact = jax.jacfwd(lowest)(at)
-    one, two = ((lowest(at + h) - lowest(at - h)) / (2 * h) for h in (step, 2 * step))
-    np.testing.assert_allclose(exact, (4 * one - two) / 3, rtol=1e-5)
+    compiled = jax.jit(lowest)
+    for k, step in enumerate((1e-4, 1e-3)):
+        way = jnp.zeros(2).at[k].set(step)
+        one, two = ((compiled(at + h * way) - compiled(at - h * way)) / (2 * h * step) for h in (1, 2))
+        np.testing.assert_allclose(exact[:, k], (4 * one - two) / 3, rtol=1e-5)
+    np.testing.assert_allclose(jax.jit(jax.jacfwd(lowest))(at), exact, rtol=1e-9)
+
+
+def test_what_depends_on_the_shape_is_asked_for_under_jit(rest_R):
+    with pytest.raises(BadValue, match="elements"):
+        jax.eval_shape(lambda c: membrane.stability(membrane.rest(c), orders=(2,)), rest_R.conditions)

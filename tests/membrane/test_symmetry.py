@@ -23,7 +23,17 @@ def test_the_law_meets_the_zeros_of_another_code():
 
 def test_a_thick_shell_is_not_warned_of(rest_R):
     assert membrane.symmetry_words(rest_R) is None
+    assert not membrane.symmetry_in_doubt(rest_R)
     assert "not round" in words_of_law(0.01, 0.7)
+
+
+def test_the_law_is_said_with_its_range():
+    assert membrane.symmetry_by_law(0.04, 0.7) == "round by the law d_hat > 0.050 sqrt(1 - V/V0) at V/V0 = 0.7"
+    assert membrane.symmetry_by_law(0.02, 0.7).startswith("not round by the law d_hat < 0.050 sqrt(1 - V/V0)")
+    assert membrane.symmetry_by_law(0.001, 0.99).endswith("beyond the V/V0 0.35 to 0.96 it was fitted in")
+    # between the laws for nu = 0.5 and 0.3
+    assert membrane.symmetry_by_law(0.029, 0.7).startswith("round")
+    assert membrane.symmetry_by_law(0.029, 0.7, 0.3).startswith("not round")
 
 
 @pytest.mark.slow
