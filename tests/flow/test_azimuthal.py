@@ -16,6 +16,7 @@ from jshell.flow.toroidal import toroidal
 from jshell.membrane.azimuthal import nearest_motion, null_motions
 
 ELEMENTS = 24
+MOST = 4  # orders as many as where frequencies are looked at: one compiled program
 
 
 def exact(m, t):
@@ -34,7 +35,7 @@ def test_toroidal_functions_are_those_of_exact_arithmetic(t):
 
 
 def _liquid(shape, q, m):
-    splines, parts = azimuthal(shape), order_layers(shape, q, 2)
+    splines, parts = azimuthal(shape), order_layers(shape, q, MOST)
     rigid = null_motions(splines, shape, q, jnp.asarray(False))
     return (splines, *_matrices(shape, splines, parts, m), rigid)
 
@@ -111,13 +112,13 @@ def test_a_sphere_does_not_know_its_axis(degree, order, sphere):
     assert form(D) == pytest.approx(expected, rel=1e-5)
 
 
-def drag(aspect, decay, order=1, highest=36):
+def drag(aspect, decay, order=1, highest=28):
     """Force of a viscous liquid, of η̂ = 1 and s = decay², on a spheroid that moves across its axis (order 1).
 
     The linear Navier-Stokes equations without thin layers: potential flow, poloidal and toroidal waves about the
     centre, to the least squares of no slip; the far pressure tells the force. SciPy and NumPy alone.
     """
-    points, weights = np.polynomial.legendre.leggauss(200)
+    points, weights = np.polynomial.legendre.leggauss(100)
     theta = np.arccos(points)
     x, rho = aspect * points, np.sin(theta)
     r, root = np.hypot(x, rho), np.sqrt(weights)
@@ -155,14 +156,14 @@ def test_the_drag_of_a_sphere_is_the_closed_form():
         assert drag(1.0, 5.0, order) == pytest.approx(6 * np.pi * (1 + 5 + 25 / 9), rel=1e-10)
 
 
-@pytest.mark.parametrize("aspect", [1.2, 0.8])
+@pytest.mark.parametrize("aspect", [1.2, pytest.param(0.8, marks=pytest.mark.slow)])
 def test_a_spheroid_moving_sideways_loses_what_a_viscous_liquid_takes(aspect, sphere):
     shape, _ = sphere
     x, r = shape.split(shape.sphere)
     _, M, G, D, rigid = _liquid(shape, jnp.concatenate([aspect * x, r]), jnp.asarray(1))
     mass, slip, second = (float(rigid[:, 0] @ matrix @ rigid[:, 0]) for matrix in (M, G, D))
     # the drag is M λ² + G λ + D + O(1/λ)
-    decay = np.array([6.0, 8, 10, 12, 15, 18, 22, 26])
+    decay = np.array([6.0, 8, 10, 12, 15, 18, 20])
     powers = np.stack([decay**2, decay, *(decay**-k for k in range(5))], axis=1)
     size = np.linalg.norm(powers, axis=0)
     expected = np.linalg.lstsq(powers / size, [drag(aspect, d) for d in decay], rcond=None)[0] / size
@@ -196,7 +197,7 @@ def test_a_bump_on_a_sphere_does_not_know_how_the_motion_is_turned(degree, spher
             v, matrices = axial(a, b), axisymmetric(q)
         else:
             v = nearest_motion(splines, shape, tuple(map(jnp.asarray, (a, b + c, b - c))), order)
-            matrices = _matrices(shape, splines, order_layers(shape, q, 3), jnp.asarray(order))
+            matrices = _matrices(shape, splines, order_layers(shape, q, MOST), jnp.asarray(order))
         return np.array([v @ matrix @ v for matrix in matrices]) / norm
 
     bump = (3 * np.cos(theta) ** 2 - 1) / 2
