@@ -1,12 +1,26 @@
-"""Where dimples stop being round, over thickness: the table and the map of docs/symmetry.md.
+"""Where dimples stop being round, over thickness: the tables and the map of docs/symmetry.md; what it costs.
 
-python benchmarks/symmetry.py [map.png]        about an hour of one core, most of it compilation
+python benchmarks/symmetry.py map [map.png]    about an hour of one core, most of it compilation
+python benchmarks/symmetry.py agents           Table 1's contrast agents along their path
+python benchmarks/symmetry.py elements         the lowest eigenvalue against elements
+python benchmarks/symmetry.py sway             a shell on a holder, m = 1, against elements
+python benchmarks/symmetry.py cost             processor time of one core, warm
 """
 
 import sys
+import time
+import warnings
+from collections.abc import Callable
+
+import jax
+import jax.numpy as jnp
+import numpy as np
 
 import jshell as js
 from jshell import plot
+from jshell.contour import NO_WEAK_SPOT, WeakSpot
+from jshell.dynamics.azimuthal import order_vibrations
+from jshell.errors import Outcome
 
 THICKNESSES = (0.04, 0.035, 0.03, 0.025, 0.02, 0.015, 0.01)
 ELEMENTS = 32
@@ -18,7 +32,85 @@ def loss(thickness: float, poisson_ratio: float = 0.5) -> js.membrane.SymmetryLo
     return js.membrane.symmetry_loss(js.membrane.deflation_branch(c, elements=ELEMENTS), c)
 
 
-def main() -> None:
+def cpu(work: Callable[[int], object], turns: int = 1) -> float:
+    """Processor time of a second and later calls, on average [s]; numbers differ from call to call."""
+    jax.block_until_ready(work(0))
+    began = time.process_time()
+    for k in range(turns):
+        jax.block_until_ready(work(k + 1))
+    return (time.process_time() - began) / turns
+
+
+def cost() -> None:
+    """The three lines of docs/validation.md."""
+    ratios = np.linspace(0.6, 0.85, 20)
+    shell = js.Reduced(0.1, 0.9, 1.6, 0.004)
+    at = lambda k: js.membrane.rest(shell, volume_ratio=ratios[k])  # noqa: E731
+    shapes = [at(k) for k in range(4)]
+    eight, twelve = range(1, 9), range(1, 13)
+    print(f"rest shape: {cpu(lambda k: at(k).volume, 3):.3f} s")
+    seen = cpu(lambda k: js.membrane.stability(shapes[k], orders=eight).eigenvalues, 3)
+    print(f"lowest eigenvalue of 8 orders at one shape, with its two looks: {seen:.3f} s", flush=True)
+    for liquid in ("ideal", "second"):
+        ring = cpu(lambda k: order_vibrations(shapes[k], jnp.arange(1, 5), 4, 2, liquid).omega, 3)  # noqa: B023
+        print(f"modes of 4 orders, liquid {liquid}: {ring:.3f} s", flush=True)
+    js.membrane.stability(shapes[0], orders=twelve)
+    began = time.process_time()
+    for k in range(ratios.size):
+        js.membrane.stability(at(k), orders=twelve)
+    print(f"20 rest shapes, found and looked at in 12 orders: {time.process_time() - began:.1f} s", flush=True)
+
+
+AGENTS = (0.005, 0.004, 0.003, 0.0025, 0.002)
+
+
+def agents() -> None:
+    """Where thin contrast agents stop being round as they deflate: computed down to 0.002, by the law below."""
+    for thickness in AGENTS:
+        found = js.membrane.symmetry_loss(branch_of(thickness), js.Reduced(thickness, 0.9, 1.6, 0.0))
+        ratio = float("nan") if found.volume_ratio is None else found.volume_ratio
+        by_law = 1 - (thickness / 0.05) ** 2
+        print(
+            f"d_hat {thickness:g}: V/V0 {ratio:.5f}, m = {found.order} ({found.outcome.word}); law {by_law:.5f}",
+            flush=True,
+        )
+
+
+def branch_of(thickness: float) -> js.membrane.Branch:
+    """The deflation branch, on elements that a thin rim needs."""
+    return js.membrane.deflation_branch(js.Reduced(thickness, 0.9, 1.6, 0.0), elements=48, lowest=0.97)
+
+
+def elements() -> None:
+    """The lowest eigenvalue against elements, and what is taken automatically."""
+    warnings.simplefilter("ignore", js.errors.RangeWarning)
+    shells = {d: js.Reduced(d, 0.9, 1.6, 0.0) for d in (0.02, 0.03)}
+    orders = range(1, 13)
+    for grading, counts in (("rim", (16, 24, 32, 48, 72)), ("uniform", (24, 40, 56, 80, 112))):
+        for count in counts:
+            for thickness, c in shells.items():
+                shape = js.membrane.rest(c, volume_ratio=0.7, elements=count, grading=grading)
+                found = js.membrane.stability(shape, orders=orders, elements=count)
+                told = f"{found.eigenvalue:.6f} at m = {int(found.order)}, {Outcome(int(shape.outcome)).word}"
+                print(f"d_hat {thickness:g}, {grading} {count}: {told}", flush=True)
+    for thickness, c in shells.items():
+        print(f"d_hat {thickness:g}: {js.membrane.stability(js.membrane.rest(c, volume_ratio=0.7))!r}", flush=True)
+
+
+def swaying() -> None:
+    """R on a holder, m = 1, with and without a weak spot, against elements."""
+    for count in (24, 32, 48, 64):
+        for spot in (NO_WEAK_SPOT, WeakSpot()):
+            for liquid in ("ideal", "second"):
+                found = js.dynamics.azimuthal_modes(
+                    js.presets.R.conditions, 1, attached=0.3272, weak_spot=spot, liquid=liquid, count=2, elements=count
+                )
+                rates = ", ".join(f"{complex(s):.6f}" for s in found.rate[0])
+                print(f"{count} elements, depth {spot.depth:g}, {liquid}: s = {rates}", flush=True)
+
+
+def first_losses(path: str | None) -> None:
+    """Table and map over thickness."""
     losses = []
     for thickness in THICKNESSES:
         found = loss(thickness)
@@ -26,9 +118,13 @@ def main() -> None:
         ratio = float("nan") if found.volume_ratio is None else found.volume_ratio
         share = thickness / (1 - ratio) ** 0.5
         print(f"d_hat {thickness:g}: V/V0 {ratio:.4f}, m = {found.order}, d_hat/sqrt(1 - V/V0) {share:.4f}", flush=True)
-    if len(sys.argv) > 1:
-        plot.save(plot.symmetry_map(THICKNESSES, losses).figure, sys.argv[1])
+    if path is not None:
+        plot.save(plot.symmetry_map(THICKNESSES, losses).figure, path)
 
 
 if __name__ == "__main__":
-    main()
+    what, *rest = sys.argv[1:] or ["map"]
+    if what == "map":
+        first_losses(rest[0] if rest else None)
+    else:
+        {"agents": agents, "elements": elements, "sway": swaying, "cost": cost}[what]()

@@ -28,11 +28,14 @@ from jshell.campaigns.planned import Run
 from jshell.campaigns.store import RunStore
 from jshell.campaigns.writing import read_design
 from jshell.errors import BadFile, Outcome, choose, require_extra
+from jshell.membrane import thinnest_round
 
 if TYPE_CHECKING:
     import xarray
 
 SHIPPED = "campaign"
+WHEN_ASKED = {"symmetry_asked": False, "azimuth": 0, "growth": None}  # columns that stand where some run has more
+WHEN_ASKED |= dict.fromkeys(f"azimuth_{number}_{m}" for number in ("omega", "tau") for m in range(1, 5))
 
 
 @dataclass(frozen=True)
@@ -74,8 +77,11 @@ class Catalog:
         for result, families in zip(self.results, self.families, strict=True):
             made_with = {f"{name}_version": text for name, text in dataclasses.asdict(result.versions).items()}
             facts = {"key": result.run.key, "families": " ".join(families), **dataclasses.asdict(result.run)}
-            found.append({**facts, **result.findings.cells(), **made_with})
-        return found
+            facts["symmetry_asked"] = facts.pop("symmetry")
+            found.append({**facts, **result.findings.cells(), "symmetry": symmetry(result), **made_with})
+        # what no run was asked for is no column
+        unasked = {name for name, none in WHEN_ASKED.items() if all(row[name] == none for row in found)}
+        return [{name: value for name, value in row.items() if name not in unasked} for row in found]
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -155,6 +161,14 @@ class Catalog:
             rows = [fill(result.channels[name]) if name in result.channels else none for result in self.results]
             parts[f"record_{name}"] = np.array(rows)
         return data.assign({name: (("run", "sample"), values) for name, values in parts.items()})
+
+
+def symmetry(result: Result) -> str:
+    """Whether the dimple of a run is round, as computed or else by the law for even walls; empty if there is none."""
+    run, found = result.run, result.findings
+    if found.symmetry or found.V_e_over_V0 is None:
+        return found.symmetry
+    return "round (law)" if run.d_hat >= thinnest_round(found.V_e_over_V0, run.nu) else "not round (law)"
 
 
 def _cell(value: Any) -> str:

@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from jshell.dynamics import Modes
+from jshell.campaigns.planned import told_when_asked
+from jshell.dynamics import Modes, OrderModes, Roundness
 from jshell.errors import Outcome
 from jshell.membrane import RestShape
 from jshell.shell.elasticity import SPHERE_AREA, SPHERE_VOLUME
@@ -27,6 +28,7 @@ SWING = 1e-3  # of V0: a smaller turning of V does not count as an oscillation
 Four = tuple[float | None, ...]
 NO_FOUR: Four = (None,) * MODES
 NO_THREE: Four = (None,) * 3
+LATER = ("symmetry", "growth", "azimuth_omega", "azimuth_tau")  # fields that came after the first campaigns
 
 
 @dataclass(frozen=True)
@@ -58,6 +60,9 @@ class Findings:
         omega_sphere: eq:wsphere at the compressed sphere.
         prefactor: one_omega over omega_sphere.
         radial_omega, radial_prefactor: The same of a `step` for a sphere that can only breathe.
+        symmetry: Whether the rest shape is round where that was computed, as `not round: m = 4, grows at rate 0.1`.
+        growth: That rate; 0 where it is round.
+        azimuth_omega, azimuth_tau: Of the slowest vibration of the orders m = 1 to 4 around the axis.
     """
 
     outcome: str
@@ -108,6 +113,10 @@ class Findings:
     prefactor: float | None = None
     radial_omega: float | None = None
     radial_prefactor: float | None = None
+    symmetry: str = ""
+    growth: float | None = None
+    azimuth_omega: Four = NO_FOUR
+    azimuth_tau: Four = NO_FOUR
 
     def with_rest(self, state: RestShape) -> "Findings":
         """With the numbers of a rest state that was found."""
@@ -127,6 +136,25 @@ class Findings:
             undamped_omega=_sound(undamped.omega, undamped),
             undamped_dV=_sound(undamped.dV, undamped),
         )
+
+    def with_symmetry(self, found: Roundness) -> "Findings":
+        """With what was computed about the roundness of the rest shape."""
+        computed = int(found.stability.outcome) == Outcome.OK
+        return dataclasses.replace(self, symmetry=found.verdict, growth=found.growth if computed else None)
+
+    def with_azimuth(self, found: OrderModes) -> "Findings":
+        """With the slowest vibration of each order around the axis that converged and does not grow."""
+        slowest = lambda values: tuple(finite(values[k, 0]) if k < values.shape[0] else None for k in range(MODES))  # noqa: E731
+        grows = np.isnan(np.asarray(found.omega))
+        return dataclasses.replace(
+            self,
+            azimuth_omega=slowest(np.asarray(found.omega)),
+            azimuth_tau=slowest(np.where(grows, np.nan, np.asarray(found.tau))),
+        )
+
+    def facts(self) -> dict[str, Any]:
+        """Field to value, as kept in files."""
+        return told_when_asked(self, LATER)
 
     def with_record(self, trace: Trace, start: float | None) -> "Findings":
         """With what is heard from a time on (by default after the snap's dip)."""

@@ -19,7 +19,8 @@ import numpy as np
 from jshell.campaigns.findings import MODES, Findings
 from jshell.campaigns.planned import Run
 from jshell.comparators import sphere_run
-from jshell.dynamics import Losses, kick, modes, offset, simulate, swell
+from jshell.dynamics import Losses, kick, modes, offset, roundness, simulate, swell
+from jshell.dynamics.azimuthal import order_vibrations
 from jshell.errors import JshellError, Outcome, RangeWarning
 from jshell.membrane import rest
 from jshell.shell.elasticity import SPHERE_VOLUME
@@ -115,6 +116,12 @@ def _buckled(run: Run) -> tuple[Findings, Trace | None]:
     findings = Findings(outcome=outcome.word, P_ext=float(np.asarray(conditions.outer_pressure)))
     if outcome == Outcome.OK:
         findings = findings.with_rest(found.rest).with_modes(found, lossless)
+        if run.symmetry:
+            findings = findings.with_symmetry(roundness(found.rest))
+        if run.azimuth:
+            orders = jnp.arange(1, run.azimuth + 1)
+            thin = "second" if run.liquid == "exact" else run.liquid
+            findings = findings.with_azimuth(order_vibrations(found.rest, orders, max(2, run.azimuth), 1, thin))
     elif run.kind != "snap":
         return replace(findings, reason=outcome.advice), None
     if run.kind == "modes":

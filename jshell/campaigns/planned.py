@@ -10,6 +10,7 @@ Source     Mokbel et al. 2021, numerical method and calibration on spherical osc
 import dataclasses
 import hashlib
 from dataclasses import dataclass
+from typing import Any
 
 from jshell.contour import WeakSpot
 from jshell.dynamics.roots import check_liquid
@@ -23,6 +24,9 @@ KINDS = {
     "step": "the sphere at the gas pressure, outer pressure raised at once; no weak spot",
     "swell": "the compressed sphere, set breathing by a small velocity; no weak spot",
 }
+SWITCHES, COUNTS = ("follow", "symmetry"), ("elements", "azimuth")  # fields that are true or false, whole numbers
+LATER = ("symmetry", "azimuth")  # fields that came after the first campaigns
+MOST_AROUND = 4
 
 
 @dataclass(frozen=True)
@@ -41,6 +45,9 @@ class Run:
         elements, follow: Mesh; whether the nodes follow the rim.
         liquid: Of the modes, as in `jshell.dynamics.modes`: `second` is right to 0.6 % in τ at η̂ = 0.004 and a tenth
             of the work; `exact` at any viscosity. In time the liquid is of second order, and spheres slip freely.
+        symmetry: Whether it is computed if the buckled rest shape is round, and how fast it leaves that if not.
+        azimuth: Highest order m around the axis whose slowest vibration is computed, 0 to 4, the liquid `second` at
+            most; not used by `step` and `swell`, as `symmetry`.
 
     Raises:
         BadName, BadValue: No such kind; a number outside its meaning.
@@ -64,6 +71,8 @@ class Run:
     elements: int = 24
     follow: bool = False
     liquid: str = "second"
+    symmetry: bool = False
+    azimuth: int = 0
 
     def __post_init__(self) -> None:
         choose("kind", self.kind, KINDS)
@@ -72,12 +81,15 @@ class Run:
             value = getattr(self, field.name)
             if field.name in ("kind", "liquid"):
                 continue
-            kind = bool if field.name == "follow" else int if field.name == "elements" else float
+            kind = bool if field.name in SWITCHES else int if field.name in COUNTS else float
             if kind is float and not isinstance(value, bool) and isinstance(value, int | float):
                 object.__setattr__(self, field.name, float(value))  # 1 and 1.0 are one run
             elif type(value) is not kind:
                 expected = {float: "a number", int: "a whole number", bool: "true or false"}[kind]
                 raise BadValue(field.name, found=repr(value), expected=expected, remedy="Check it.")
+        if not 0 <= self.azimuth <= MOST_AROUND:
+            expected = f"0 to {MOST_AROUND}"
+            raise BadValue("azimuth", found=repr(self.azimuth), expected=expected, remedy="4 is m = 1, 2, 3, 4.")
         self.weak_spot  # noqa: B018  (a number outside its meaning is refused now)
         self.conditions  # noqa: B018
 
@@ -93,8 +105,22 @@ class Run:
     @property
     def key(self) -> str:
         """Twelve letters that no other run has."""
-        facts = repr(sorted(dataclasses.asdict(self).items()))
+        facts = repr(sorted(self.facts().items()))
         return hashlib.sha256(facts.encode()).hexdigest()[:12]
+
+    def facts(self) -> dict[str, Any]:
+        """Field to value, as names and files are made of: what runs learned later is left out where it is not asked."""
+        return told_when_asked(self, LATER)
+
+
+def told_when_asked(row: Any, later: tuple[str, ...]) -> dict[str, Any]:
+    """The fields of a dataclass, but for later ones that hold their default: files of before stay as they are."""
+    defaults = {field.name: field.default for field in dataclasses.fields(row)}
+    return {
+        name: value
+        for name, value in dataclasses.asdict(row).items()
+        if not (name in later and value == defaults[name])
+    }
 
 
 FIELDS = {field.name: field for field in dataclasses.fields(Run)}

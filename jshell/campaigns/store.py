@@ -73,8 +73,8 @@ class RunStore:
         """Keep a finished run; the file is on the disk, whole, when this returns."""
         facts = {
             "schema": SCHEMA,
-            "run": dataclasses.asdict(result.run),
-            "findings": dataclasses.asdict(result.findings),
+            "run": result.run.facts(),
+            "findings": result.findings.facts(),
             "versions": dataclasses.asdict(result.versions),
         }
         text = json.dumps(facts, ensure_ascii=False, allow_nan=False, sort_keys=True)

@@ -134,6 +134,9 @@ def told(found: "jshell.campaigns.Catalog", where: Path, as_json: bool) -> None:
         typer.echo(table(rows, ("family", "kind", "runs", "outcomes")))
     for result in bad:
         typer.echo(f"{result.findings.outcome}: {named(result.run)}: {result.findings.reason}")
+    lost = sum(word.startswith("not round") for word in found["symmetry"]) if len(found) else 0
+    if lost:
+        log(f"{lost} dimples are not round (column symmetry); modes and records assume that they are.")
     if found.orphan_files:
         log(f"{found.orphan_files} files there belong to no run of this design.")
 

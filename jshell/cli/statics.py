@@ -15,6 +15,7 @@ from jshell.cli.output import Json, finish, judged, log, say, speaking, table
 from jshell.cli.problem import Problem, with_conditions
 from jshell.errors import BadValue, Outcome
 
+THIN = 0.05  # d_hat below which a dimple may lose its axial symmetry
 Elements = Annotated[int, typer.Option("--elements", help="Spline elements from pole to pole.")]
 Attached = Annotated[
     float, typer.Option("--attached", help="Half-angle of the pad that holds the shell [rad]; 0 is free.")
@@ -38,19 +39,33 @@ def weak_spot(text: str | None, default: "jshell.contour.WeakSpot | None" = None
     return jshell.contour.WeakSpot(depth, width)
 
 
+def said_of(found: "jshell.membrane.RestShape") -> str | None:
+    """Whether a thin dimple is round: as computed where the law is near, else by the law; None of what is not thin."""
+    if int(found.outcome) != Outcome.OK or float(found.conditions.thickness) >= THIN:
+        return None
+    return jshell.dynamics.roundness(found).verdict if jshell.membrane.symmetry_in_doubt(found) else by_law(found)
+
+
+def by_law(found: "jshell.membrane.RestShape") -> str:
+    """What the law says of a rest shape's symmetry."""
+    c = found.conditions
+    return jshell.membrane.symmetry_by_law(float(c.thickness), float(found.volume_ratio), float(c.poisson_ratio))
+
+
 def whole_numbers(option: str, text: str | None) -> list[int]:
-    """Orders around the axis from `0,1,2`; without a text the axisymmetric ones.
+    """Orders around the axis from `0,1,2`, each once and rising; without a text the axisymmetric ones.
 
     Raises:
-        BadValue: Not whole numbers of at least 0.
+        BadValue: Not whole numbers of at least 0, or above the highest order.
     """
+    highest = jshell.membrane.HIGHEST_ORDER
     try:
         numbers = [0] if text is None else [int(part) for part in text.split(",")]
     except ValueError:
         numbers = [-1]
-    if min(numbers) < 0:
-        raise BadValue(option, found=repr(text), expected="whole numbers of at least 0", remedy="Try 0,1,2,3.")
-    return numbers
+    if min(numbers) < 0 or max(numbers) > highest:
+        raise BadValue(option, found=repr(text), expected=f"whole numbers from 0 to {highest}", remedy="Try 0,1,2,3.")
+    return sorted(set(numbers))
 
 
 @speaking
@@ -97,7 +112,8 @@ def rest(
     # of a wall that touches itself this is the reason
     numbers["clearance"] = found.clearance if np.isfinite(found.clearance) else None
     stable = bool(found.stability > 0) if ok else None
-    symmetric = jshell.dynamics.roundness(found) if symmetry and ok else None
+    near = branch == "buckled" and jshell.membrane.symmetry_in_doubt(found)
+    symmetric = jshell.dynamics.roundness(found) if ok and (symmetry or near) else None
     if as_json:
         if symmetric is not None:
             numbers["symmetry"] = {
@@ -122,6 +138,8 @@ def rest(
         rows.append(("stable", {True: "yes", False: "no", None: "–"}[stable]))
         if symmetric is not None:
             rows.append(("symmetry", symmetric.verdict))
+        elif ok and branch == "buckled" and problem.conditions.thickness < THIN:
+            rows.append(("symmetry", by_law(found)))
         typer.echo(table(rows, ("at rest", "value")))
     finish(outcome)
 
@@ -233,19 +251,26 @@ def modes(
         problem.needs_viscosity()
     chosen = {"branch": branch, "elements": elements, "attached": attached, "weak_spot": weak_spot(spot)}
     orders = whole_numbers("--azimuth", azimuth)
-    found = jshell.dynamics.modes(problem.conditions, count=count, liquid=liquid, **chosen)
-    outcome = Outcome(int(np.max(np.asarray(found.outcome))))
-    rows = found.table() if 0 in orders else ()
-    beyond = sorted(set(orders) - {0})
-    around = None
-    if beyond:
-        thin = "second" if liquid == "exact" else liquid
+    axial = around = None
+    if 0 in orders:
+        axial = jshell.dynamics.modes(problem.conditions, count=count, liquid=liquid, **chosen)
+    if orders != [0]:
+        thin = liquid
+        if liquid == "exact":
+            thin = "second"
+            log("orders above 0: the liquid is a Stokes layer to second order; the exact one is known for order 0 only")
+        beyond = [m for m in orders if m > 0]
         around = jshell.dynamics.azimuthal_modes(problem.conditions, beyond, count=count, liquid=thin, **chosen)
-        outcome = Outcome(max(int(outcome), int(np.max(np.asarray(around.outcome)))))
+    found = [part for part in (axial, around) if part is not None]
+    outcome = Outcome(max(int(np.max(np.asarray(part.outcome))) for part in found))
+    symmetry = said_of(found[0].rest) if branch == "buckled" else None
+    rows = () if axial is None else axial.table()
     if as_json:
         said = {"modes": [asdict(row) for row in rows], "outcome": outcome, "conditions": problem.record()}
         if around is not None:
             said["azimuthal"] = [asdict(row) for row in around.table()]
+        if symmetry is not None:
+            said["symmetry"] = symmetry
         say(said)
     else:
         header = ("mode", "ω = |s|", "Ω", "τ", "dV", "dS", "outcome")
@@ -263,6 +288,8 @@ def modes(
             typer.echo(
                 table([(str(row.azimuth), str(row.mode), *list(asdict(row).values())[2:]) for row in lines], header)
             )
+        if symmetry is not None:
+            typer.echo(f"\nsymmetry: {symmetry}")
     finish(outcome)
 
 

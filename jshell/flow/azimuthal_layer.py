@@ -13,7 +13,8 @@ tensor. For m = 0 these are the matrices of `stokes_layer` and `second_order`.
 Symbols    v, u velocities of the liquid across and along the wall   N map from normal velocity to -φ
            κ1, κ2 curvatures along the meridian and across it, H their mean [1/R0]
 Valid for  η̂ << 1, m times the layer's thickness small against the radius
-Source     matched expansion as in `second_order`; on a sphere (n, m) equals (n, 0)
+Source     matched expansion as in `second_order`. Checked: on a sphere (n, m) equals (n, 0); where κ1 and κ2 differ, on
+           bumped spheres by the symmetry of turns, and by the drag of spheroids that move sideways
 """
 
 from typing import NamedTuple

@@ -210,8 +210,13 @@ def only(matrix: Float[Array, "rows rows"], moving: Bool[Array, "rows"], diagona
 
 def orthonormal(columns: Float[Array, "rows few"], form: Float[Array, "rows rows"]) -> Float[Array, "rows few"]:
     """A basis of what the columns span, orthonormal in a form; zeros fill up where they are dependent."""
-    size = jnp.sqrt(jnp.sum(columns * (form @ columns), axis=0))
-    unit = columns / jnp.where(size > 0, size, 1.0)[None]
-    values, turns = jnp.linalg.eigh(unit.T @ form @ unit)
+    given = jax.lax.stop_gradient((columns, form))
+    size = jnp.sqrt(jnp.sum(given[0] * (given[1] @ given[0]), axis=0))
+    shares = 1 / jnp.where(size > 0, size, 1.0)
+    unit = given[0] * shares[None]
+    values, turns = jnp.linalg.eigh(unit.T @ given[1] @ unit)
     present = values > DEPENDENT
-    return unit @ (turns * jnp.where(present, 1 / jnp.sqrt(jnp.where(present, values, 1.0)), 0.0)[None])
+    turns = turns * jnp.where(present, 1 / jnp.sqrt(jnp.where(present, values, 1.0)), 0.0)[None]
+    # eigenvectors of equal eigenvalues have no derivative, the span has: one step towards orthonormal carries it
+    basis = columns @ (shares[:, None] * turns)
+    return basis @ (1.5 * jnp.eye(values.shape[0]) - (basis.T @ form @ basis) / 2)

@@ -23,6 +23,7 @@ from jshell.membrane.equilibrium import RestShape
 from jshell.membrane.stability import stability
 
 LAW = 0.050  # of d̂ over √(1 - V/V0)
+FITTED = (0.35, 0.96)  # V/V0
 NEAR = 1.25  # ratio of d̂ to the law, either way, within which the eigenvalues are computed
 
 
@@ -39,29 +40,46 @@ def thinnest_round(volume_ratio: float | np.ndarray, poisson_ratio: float | np.n
     return LAW * bending * np.sqrt(np.maximum(1 - np.asarray(volume_ratio), 0.0))
 
 
+def symmetry_in_doubt(found: RestShape) -> bool:
+    """Whether one buckled rest shape, whose numbers are known, is so near the law that its eigenvalues must decide."""
+    return int(found.outcome) == Outcome.OK and 1 / NEAR <= _share(found) <= NEAR
+
+
+def symmetry_by_law(thickness: float, volume_ratio: float, poisson_ratio: float = 0.5) -> str:
+    """What the law says of a free, even wall: `round by the law …` or `not round by the law …`."""
+    is_round = thickness >= float(thinnest_round(volume_ratio, poisson_ratio))
+    bending = "" if poisson_ratio == 0.5 else " sqrt((1 - nu^2)/0.75)"
+    law = f"by the law d_hat {'>' if is_round else '<'} {LAW:.3f} sqrt(1 - V/V0){bending}"
+    inside = FITTED[0] <= volume_ratio <= FITTED[1]
+    beyond = "" if inside else f", beyond the V/V0 {FITTED[0]} to {FITTED[1]} it was fitted in"
+    return f"{'round' if is_round else 'not round'} {law} at V/V0 = {volume_ratio:.3g}{beyond}"
+
+
 def symmetry_words(found: RestShape) -> str | None:
-    """What to say of one buckled rest shape whose numbers are known; None where the law says that it is round."""
-    thickness, ratio = float(found.conditions.thickness), float(found.volume_ratio)
-    share = thickness / max(float(thinnest_round(ratio, float(found.conditions.poisson_ratio))), 1e-9)
-    if share > NEAR or int(found.outcome) != Outcome.OK:
+    """What to warn of about one buckled rest shape whose numbers are known; None where it is round."""
+    if int(found.outcome) != Outcome.OK or _share(found) > NEAR:
         return None
-    if share < 1 / NEAR:
-        return words_of_law(thickness, ratio)
-    computed = stability(found)
-    if computed.is_round:
-        return None
-    if int(computed.outcome) != Outcome.OK:
-        return words_of_law(thickness, ratio) if share < 1 else None
-    return f"not round: m = {int(computed.order)} (computed): axial symmetry is assumed here"
+    if symmetry_in_doubt(found):
+        computed = stability(found)
+        if int(computed.outcome) == Outcome.OK:
+            words = f"not round: m = {int(computed.order)} (computed): axial symmetry is assumed here"
+            return None if computed.is_round else f"{words}, jshell.dynamics.roundness says how fast it leaves it"
+    c = found.conditions
+    given = float(c.thickness), float(found.volume_ratio), float(c.poisson_ratio)
+    return None if _share(found) > 1 else words_of_law(*given)
 
 
-def words_of_law(thickness: float, ratio: float) -> str:
-    """That a shell is not round by the law."""
-    return (
-        f"not round by the law d_hat < {LAW:.3f} sqrt(1 - V/V0): d_hat = {thickness:.3g} at V/V0 = {ratio:.3g} "
-        "(factor sqrt((1 - nu^2)/0.75) for other nu); axial symmetry is assumed here, "
-        "jshell.membrane.stability computes the eigenvalues"
-    )
+def words_of_law(thickness: float, volume_ratio: float, poisson_ratio: float = 0.5) -> str:
+    """The warning that a shell is not round by the law."""
+    said = symmetry_by_law(thickness, volume_ratio, poisson_ratio)
+    assumed = "axial symmetry is assumed here, jshell.membrane.stability computes the eigenvalues"
+    return f"{said}, d_hat = {thickness:.3g}: {assumed}"
+
+
+def _share(found: RestShape) -> float:
+    """d̂ over the law's."""
+    c = found.conditions
+    return float(c.thickness) / max(float(thinnest_round(float(found.volume_ratio), float(c.poisson_ratio))), 1e-9)
 
 
 def warn_where_not_round(found: RestShape, level: int = 3) -> None:
@@ -76,6 +94,6 @@ def warn_where_not_round(found: RestShape, level: int = 3) -> None:
         d, V, nu, ok = np.broadcast_arrays(thickness, ratio, nu, np.asarray(outcome) == Outcome.OK)
         share = np.where(ok, d / np.maximum(thinnest_round(V, nu), 1e-9), np.inf)
         worst = np.unravel_index(np.argmin(share), share.shape)
-        words = words_of_law(float(d[worst]), float(V[worst])) if share[worst] < 1 else None
+        words = words_of_law(float(d[worst]), float(V[worst]), float(nu[worst])) if share[worst] < 1 else None
     if words is not None:
         warnings.warn(words, RangeWarning, stacklevel=level)

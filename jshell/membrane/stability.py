@@ -34,7 +34,7 @@ from jshell.membrane.azimuthal import (
 from jshell.membrane.energy import wall
 from jshell.membrane.equilibrium import RestShape, cached_meridian, raise_unless_ok, reworked
 
-HIGHEST = 40  # order: more than the thinnest rest shape needs
+HIGHEST_ORDER = 40  # order: more than the thinnest rest shape needs
 FEWEST = 4  # orders that are always looked at
 FINER = 1.5  # elements from one look to the next
 LOOKS = 5
@@ -104,10 +104,10 @@ def stability(
         orders: Which m, from 1 on; by default as many as its thickness can make unstable.
         elements: Look once, on so many elements. By default the shape is settled on ever more of them until the lowest
             eigenvalue keeps its sign and changes by less than 1 %.
-        throw: Raise `NotOk` unless the outcome is ok.
+        throw: Raise `NotOk` unless the outcome is ok (outside `jit` only).
 
     Raises:
-        BadValue: An order below 1 or above 40, or none.
+        BadValue: An order below 1 or above 40, or none; under `jit`, orders or elements not given.
         BadShape: A batch of rest shapes.
 
     Example:
@@ -120,20 +120,29 @@ def stability(
         raise BadShape(
             "rest", found=f"a batch {rest.volume.shape}", expected="one rest shape", remedy="Take them one by one."
         )
-    chosen = jnp.asarray(usual_orders(float(rest.conditions.thickness)) if orders is None else checked_orders(orders))
+    thickness, outcome = jax.lax.stop_gradient((rest.conditions.thickness, rest.outcome))
+    if isinstance(outcome, Tracer) and (orders is None or elements is None):
+        raise BadValue(
+            "orders, elements",
+            found="None under `jit` or `vmap`",
+            expected="both given, as they depend on the shape",
+            remedy="For example orders=range(1, 9), elements=48.",
+        )
+    chosen = jnp.asarray(usual_orders(float(thickness)) if orders is None else checked_orders(orders))
     state = rest if elements in (None, rest.meridian.elements) else refined(rest, int(elements or 0))
     values, shapes = spectrum(state, chosen)
-    error, enough = jnp.zeros(()), elements is not None or int(state.outcome) != Outcome.OK
+    error, enough = jnp.zeros(()), elements is not None or int(outcome) != Outcome.OK
     for _ in range(LOOKS):
         if enough:
             break
         finer = refined(state, int(np.ceil(FINER * state.meridian.elements / 4) * 4))
-        if int(finer.outcome) != Outcome.OK:
+        if int(jax.lax.stop_gradient(finer.outcome)) != Outcome.OK:
             break
         before, (state, (values, shapes)) = values, (finer, spectrum(finer, chosen))
-        error = jnp.abs(jnp.min(values) - jnp.min(before))
+        error = jax.lax.stop_gradient(jnp.abs(jnp.min(values) - jnp.min(before)))
         # a motion that costs next to nothing is one of the shapes' own, and its sign is not known: look again
-        enough = bool(error < SETTLED * jnp.abs(jnp.min(values))) and bool(jnp.all((values > 0) == (before > 0)))
+        now, before = jax.lax.stop_gradient((values, before))
+        enough = bool(error < SETTLED * jnp.abs(jnp.min(now))) and bool(jnp.all((now > 0) == (before > 0)))
     outcome = jnp.where(jnp.asarray(enough), state.outcome, int(Outcome.NOT_CONVERGED))
     if throw:
         raise_unless_ok("stability", outcome)
@@ -142,18 +151,18 @@ def stability(
 
 def usual_orders(thickness: float) -> np.ndarray:
     """Orders that a shell of a thickness can lose its symmetry by, and some more."""
-    return np.arange(1, int(np.clip(np.ceil(2.0 / np.sqrt(thickness)), FEWEST, HIGHEST)) + 1)
+    return np.arange(1, int(np.clip(np.ceil(2.0 / np.sqrt(thickness)), FEWEST, HIGHEST_ORDER)) + 1)
 
 
 def checked_orders(orders: int | Sequence[int]) -> np.ndarray:
     """Orders as an array, each from 1 to the highest."""
     chosen = np.atleast_1d(np.asarray(orders))
     whole = chosen.size > 0 and np.issubdtype(chosen.dtype, np.integer)
-    if not (whole and chosen.min() >= 1 and chosen.max() <= HIGHEST):
+    if not (whole and chosen.min() >= 1 and chosen.max() <= HIGHEST_ORDER):
         raise BadValue(
             "orders",
             found=repr(orders),
-            expected=f"integers from 1 to {HIGHEST}",
+            expected=f"integers from 1 to {HIGHEST_ORDER}",
             remedy="Axisymmetric motions (m = 0) are in `rest.stability` and `modes`.",
         )
     return chosen

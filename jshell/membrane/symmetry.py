@@ -1,9 +1,10 @@
 """Where a dimple first stops being round, as it deepens.
 
 Along the deflation branch the lowest eigenvalue against motions out of round
-falls; its first zero is the loss of symmetry.
+falls; its first zero is the loss of symmetry. At a given volume it is the zero
+over the thickness.
 
-Symbols    V volume [R0³]   m order of the motion that sets in
+Symbols    V volume [R0³]   d̂ thickness [-]   m order of the motion that sets in
 Valid for  free shells without a weak spot
 Source     zeros of the eigenvalues of `stability`
 """
@@ -14,19 +15,24 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from jshell.contour import Meridian
-from jshell.errors import Outcome
+from jshell.contour import NO_WEAK_SPOT, Meridian
+from jshell.errors import BadValue, Outcome
 from jshell.membrane.branch import Branch
 from jshell.membrane.energy import Area, check_area
-from jshell.membrane.equilibrium import RestShape, cached_meridian, measured, reworked
+from jshell.membrane.equilibrium import RestShape, cached_meridian, find, measured, reworked
 from jshell.membrane.newton import settle_at_volume
-from jshell.membrane.stability import FINER, spectrum, spread, usual_orders
+from jshell.membrane.round import thinnest_round
+from jshell.membrane.stability import FINER, checked_orders, spectrum, spread, usual_orders
 from jshell.shell.elasticity import SPHERE_VOLUME
 from jshell.shell.parameters import Reduced
 
 APART = 0.02  # in V/V0: how far the shapes lie apart that are looked at
 CLOSE = 1e-5  # in V/V0, of a loss
 TRIES = 20
+DEEPEST, SHALLOWEST = 0.3, 0.97  # V/V0 between which a critical thickness is sought: there the law is a start
+BESIDE = 0.01  # relative distance of the second thickness from the first
+EXACT = 1e-5  # relative, of a critical thickness
+FAR = 0.2  # of the law's thickness: no loss of symmetry is that far from it
 
 
 @dataclass(frozen=True)
@@ -105,6 +111,82 @@ def _between(shape: RestShape, above, below, conditions, area, orders) -> Symmet
         else:
             low, fall, order = middle, value, m
     return SymmetryLoss(middle, float(shape.difference), order, low, Outcome.OK)
+
+
+@dataclass(frozen=True)
+class CriticalThickness:
+    """The thickest wall that is not round at a volume.
+
+    Attributes:
+        thickness: d̂ [-]; None where the outcome is not ok.
+        order: m of the motion that sets in.
+        outcome: ok; not_converged where a shape on the way was not found, or no loss lies near the law.
+    """
+
+    thickness: float | None
+    order: int | None
+    outcome: Outcome
+
+
+def critical_thickness(
+    volume_ratio: float,
+    *,
+    order: int | None = None,
+    poisson_ratio: float = 0.5,
+    area: Area | str = "current",
+    elements: int = 64,
+) -> CriticalThickness:
+    """Thickness at which a free, even shell held at a volume loses its axial symmetry, from the eigenvalues.
+
+    Args:
+        volume_ratio: V/V0 [-], from 0.3 to 0.97.
+        order: m of the motion that sets in; by default whichever does first.
+        poisson_ratio, area: Of the wall.
+        elements: Of the meridian, crowded at the rim.
+
+    Raises:
+        BadValue: V/V0 or order out of range.
+
+    Example:
+        >>> import jshell as js
+        >>> found = js.membrane.critical_thickness(0.7)
+        >>> print(f"{found.thickness:.5f}", "m =", found.order)
+        0.02728 m = 4
+    """
+    check_area(area)
+    if not DEEPEST <= volume_ratio <= SHALLOWEST:
+        raise BadValue(
+            "volume_ratio",
+            found=repr(volume_ratio),
+            expected=f"V/V0 from {DEEPEST} to {SHALLOWEST}",
+            remedy="0.7 is usual.",
+        )
+    guess, ratio = float(thinnest_round(volume_ratio, poisson_ratio)), jnp.asarray(float(volume_ratio))
+    orders = jnp.asarray(usual_orders(guess) if order is None else checked_orders(order))
+    like = lambda d: Reduced(d, 1.0, 1.0, 0.0, 1.4, poisson_ratio).as_arrays()  # noqa: E731
+    plain = jnp.asarray(NO_WEAK_SPOT.depth), jnp.asarray(NO_WEAK_SPOT.width)
+    shape = find(cached_meridian(elements, 0.0), like(guess), plain, "buckled", str(area), ratio, True)
+
+    def at(d: float) -> tuple[float, float, int] | None:
+        nonlocal shape
+        moved = _moved(shape, volume_ratio, like(d), str(area))
+        if int(moved.outcome) != Outcome.OK:
+            return None
+        shape = moved
+        return d, *_softest(moved, orders)
+
+    # eigenvalues of near thicknesses lie nearly on a line: secants, from the law on
+    before, here = at(guess), at(guess * (1 + BESIDE))
+    for _ in range(TRIES):
+        if before is None or here is None or before[1] == here[1]:
+            break
+        step = -here[1] * (here[0] - before[0]) / (here[1] - before[1])
+        if abs(step) < EXACT * here[0]:
+            return CriticalThickness(here[0] + step, here[2], Outcome.OK)
+        if abs(step) > FAR * guess:
+            break
+        before, here = here, at(here[0] + step)
+    return CriticalThickness(None, None, Outcome.NOT_CONVERGED)
 
 
 @eqx.filter_jit

@@ -5,15 +5,18 @@ import jax.numpy as jnp
 import mpmath as mp
 import numpy as np
 import pytest
-from scipy.special import lpmv
+from scipy.special import factorial, lpmv
 
 from jshell.contour import azimuthal, meridian
+from jshell.flow import flow, slip_matrix
 from jshell.flow.azimuthal import order_flow, order_layers
 from jshell.flow.azimuthal_layer import order_second, order_slip, order_wall
+from jshell.flow.second_order import second_order
 from jshell.flow.toroidal import toroidal
 from jshell.membrane.azimuthal import nearest_motion, null_motions
 
 ELEMENTS = 24
+MOST = 4  # orders as many as where frequencies are looked at: one compiled program
 
 
 def exact(m, t):
@@ -32,7 +35,7 @@ def test_toroidal_functions_are_those_of_exact_arithmetic(t):
 
 
 def _liquid(shape, q, m):
-    splines, parts = azimuthal(shape), order_layers(shape, q, 2)
+    splines, parts = azimuthal(shape), order_layers(shape, q, MOST)
     rigid = null_motions(splines, shape, q, jnp.asarray(False))
     return (splines, *_matrices(shape, splines, parts, m), rigid)
 
@@ -74,19 +77,31 @@ def test_spheroids_moving_sideways_and_turning_have_their_added_mass(aspect, sph
     np.testing.assert_allclose(found, [sideways, turning], rtol=1e-6)
 
 
+def angular(degree, order, theta):
+    """P_n^m(cosθ) and its θ-derivative, by the recurrence of Legendre functions."""
+    n, sine, cosine = degree, np.sin(theta), np.cos(theta)
+    y = lpmv(order, n, cosine)
+    return y, (n * cosine * y - (n + order) * lpmv(order, n - 1, cosine)) / sine
+
+
+def motion(degree, order, A, B, shape):
+    """A Y radial and B ∇Y tangential on a sphere as (a, b, c) at the Gauss points; ∮Y² dA of the sphere."""
+    theta = np.asarray(shape.angles)
+    sine, cosine = np.sin(theta), np.cos(theta)
+    y, slope = angular(degree, order, theta)
+    around = 2 * np.pi if order == 0 else np.pi
+    norm = around * np.sum(np.asarray(shape.weights) * sine * y**2)
+    radial, along, turned = A * y, B * slope, -B * order * y / sine
+    return radial * cosine - along * sine, radial * sine + along * cosine, turned, norm
+
+
 @pytest.mark.parametrize(("degree", "order"), [(1, 1), (2, 1), (2, 2), (3, 2)])
 def test_a_sphere_does_not_know_its_axis(degree, order, sphere):
     shape, liquids = sphere
     splines, M, G, D, _ = liquids[order]
-    n, L, theta = degree, degree * (degree + 1), np.asarray(shape.angles)
-    sine, cosine = np.sin(theta), np.cos(theta)
-    y = lpmv(order, n, cosine)
-    # sinθ dP/dθ by the recurrence of Legendre functions
-    slope = (n * cosine * y - (n + order) * lpmv(order, n - 1, cosine)) / sine
-    norm = np.pi * np.sum(np.asarray(shape.weights) * sine * y**2)
+    n, L = degree, degree * (degree + 1)
     A, B = 0.7, 0.4  # radial A Y, tangential B ∇Y
-    radial, along, around = A * y, B * slope, -B * order * y / sine
-    a, b, c = radial * cosine - along * sine, radial * sine + along * cosine, around
+    a, b, c, norm = motion(degree, order, A, B, shape)
     v = nearest_motion(splines, shape, tuple(map(jnp.asarray, (a, b + c, b - c))), order)
     form = lambda matrix: float(v @ matrix @ v) / norm  # noqa: E731
     w = B + A / (n + 1)  # the liquid slips by -A/(n + 1) ∇Y
@@ -95,3 +110,98 @@ def test_a_sphere_does_not_know_its_axis(degree, order, sphere):
     bulk, shear = 2 * (n + 2) * (2 * n + 1) / (n + 1), 4 * n * (n + 2)
     expected = bulk * A**2 - shear * A * w + n * (n + 1) * (n + 2) * w**2
     assert form(D) == pytest.approx(expected, rel=1e-5)
+
+
+def drag(aspect, decay, order=1, highest=28):
+    """Force of a viscous liquid, of η̂ = 1 and s = decay², on a spheroid that moves across its axis (order 1).
+
+    The linear Navier-Stokes equations without thin layers: potential flow, poloidal and toroidal waves about the
+    centre, to the least squares of no slip; the far pressure tells the force. SciPy and NumPy alone.
+    """
+    points, weights = np.polynomial.legendre.leggauss(100)
+    theta = np.arccos(points)
+    x, rho = aspect * points, np.sin(theta)
+    r, root = np.hypot(x, rho), np.sqrt(weights)
+    polar = np.arctan2(rho, x)
+
+    def bessel(n, z):  # k_n(z) e^z
+        j = np.arange(n + 1)[:, None]
+        return np.sum(factorial(n + j) / (factorial(j) * factorial(n - j)) / (2 * z) ** j, axis=0) / z
+
+    columns = []
+    for n in range(1, highest + 1):
+        y, slope = angular(n, order, polar)
+        scale = np.sqrt(np.sum(weights * lpmv(order, n, points) ** 2))
+        y, slope, turned = y / scale, slope / scale, order * y / scale / np.sin(polar)
+        z = decay * r
+        fall = np.exp(decay - z) / bessel(n, np.array([decay]))
+        wave, before = bessel(n, z) * fall, bessel(n - 1, z) * fall
+        if n % 2:
+            columns.append((-(n + 1) * r ** (-n - 2.0) * y, r ** (-n - 2.0) * slope, -(r ** (-n - 2.0)) * turned))
+            spread = wave / r - decay * (before + (n + 1) / z * wave)
+            columns.append((n * (n + 1) / r * wave * y / decay, spread * slope / decay, -spread * turned / decay))
+        elif order:
+            columns.append((0 * y, wave * turned, -wave * slope))
+    moves = (np.sin(polar), np.cos(polar), -np.ones_like(r)) if order else (np.cos(polar), -np.sin(polar), 0 * r)
+    system = np.array([np.concatenate([root * part for part in column]) for column in columns]).T
+    size = np.linalg.norm(system, axis=0)
+    found = np.linalg.lstsq(system / size, np.concatenate([root * part for part in moves]), rcond=1e-15)[0] / size
+    # the potential's dipole; lpmv has P_1^1 = -sinθ
+    dipole = found[0] / np.sqrt(np.sum(weights * lpmv(order, 1, points) ** 2)) * (-1 if order else 1)
+    return -4 * np.pi * decay**2 * dipole - decay**2 * 4 / 3 * np.pi * aspect
+
+
+def test_the_drag_of_a_sphere_is_the_closed_form():
+    for order in (0, 1):
+        assert drag(1.0, 5.0, order) == pytest.approx(6 * np.pi * (1 + 5 + 25 / 9), rel=1e-10)
+
+
+@pytest.mark.parametrize("aspect", [1.2, pytest.param(0.8, marks=pytest.mark.slow)])
+def test_a_spheroid_moving_sideways_loses_what_a_viscous_liquid_takes(aspect, sphere):
+    shape, _ = sphere
+    x, r = shape.split(shape.sphere)
+    _, M, G, D, rigid = _liquid(shape, jnp.concatenate([aspect * x, r]), jnp.asarray(1))
+    mass, slip, second = (float(rigid[:, 0] @ matrix @ rigid[:, 0]) for matrix in (M, G, D))
+    # the drag is M λ² + G λ + D + O(1/λ)
+    decay = np.array([6.0, 8, 10, 12, 15, 18, 20])
+    powers = np.stack([decay**2, decay, *(decay**-k for k in range(5))], axis=1)
+    size = np.linalg.norm(powers, axis=0)
+    expected = np.linalg.lstsq(powers / size, [drag(aspect, d) for d in decay], rcond=None)[0] / size
+    np.testing.assert_allclose([mass, slip], expected[:2], rtol=1e-6)
+    assert second == pytest.approx(expected[2], rel=2e-5)  # what the fit of seven powers leaves
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("degree", [1, 2, 3])
+def test_a_bump_on_a_sphere_does_not_know_how_the_motion_is_turned(degree, sphere):
+    """Matrices change by a bump P2 as 3m² - n(n + 1) from order to order of a motion (n, m): Wigner and Eckart."""
+    shape, _ = sphere
+    splines, theta = azimuthal(shape), np.asarray(shape.angles)
+    root = np.sqrt(np.asarray(shape.weights))[:, None]
+
+    def axial(x, r):
+        parts = zip((shape.x_basis[0], shape.r_basis[0]), (x, r), strict=True)
+        return np.concatenate(
+            [np.linalg.lstsq(root * basis, root[:, 0] * part, rcond=None)[0] for basis, part in parts]
+        )
+
+    @eqx.filter_jit
+    def axisymmetric(q):
+        current = flow(shape, q)
+        return current.mass, slip_matrix(shape, current), sum(second_order(shape, current))
+
+    def forms(order, size):
+        a, b, c, norm = motion(degree, order, 0.7, 0.4, shape)
+        q = shape.sphere + size * axial(bump * np.cos(theta), bump * np.sin(theta))
+        if order == 0:
+            v, matrices = axial(a, b), axisymmetric(q)
+        else:
+            v = nearest_motion(splines, shape, tuple(map(jnp.asarray, (a, b + c, b - c))), order)
+            matrices = _matrices(shape, splines, order_layers(shape, q, MOST), jnp.asarray(order))
+        return np.array([v @ matrix @ v for matrix in matrices]) / norm
+
+    bump = (3 * np.cos(theta) ** 2 - 1) / 2
+    changes = np.array([(forms(m, 1e-3) - forms(m, -1e-3)) / 2e-3 for m in range(degree + 1)])
+    shares = 3 * np.arange(degree + 1) ** 2 - degree * (degree + 1)
+    # splines and differences
+    np.testing.assert_allclose(changes, changes[:1] / shares[0] * shares[:, None], rtol=1e-5, atol=1e-5)
