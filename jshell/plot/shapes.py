@@ -127,6 +127,8 @@ def _sphere(ax: Axes) -> None:
 def _frame(ax: Axes) -> None:
     """Equal scales, room for the stress-free sphere at least, and below for words: panels beside each other match."""
     points = np.concatenate([np.asarray(line.get_xydata()) for line in ax.get_lines()])
+    points = points[np.isfinite(points).all(axis=1)]  # a shape that was not found has none: the legend says why
+    points = np.concatenate([points, [[0.0, 0.0]]])
     left, low = np.minimum(points.min(axis=0), -1.1) - MARGIN
     right, high = np.maximum(points.max(axis=0), 1.1) + MARGIN
     ax.set_xlim(left, right)

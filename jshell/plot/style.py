@@ -57,7 +57,7 @@ SETTINGS: dict[str, Any] = {
     "legend.frameon": False,
     "legend.handlelength": 1.6,
     "legend.borderaxespad": 0.3,
-    "figure.dpi": 100.0,
+    "figure.dpi": DPI,
     "savefig.dpi": DPI,
     "pdf.fonttype": 42,  # letters stay letters
     "svg.fonttype": "path",
@@ -92,7 +92,7 @@ def style() -> Iterator[None]:
 
 def use_style() -> None:
     """The look of this room for all that the session draws from here on: for the first cell of a notebook."""
-    matplotlib().rcParams.update(SETTINGS | {"figure.dpi": DPI})
+    matplotlib().rcParams.update(SETTINGS)
 
 
 def new_figure(size: tuple[float, float] = ONE) -> Figure:

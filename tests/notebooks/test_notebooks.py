@@ -1,69 +1,63 @@
-"""The notebooks run, reduced, draw what they promise and end with a number; none stores its outputs."""
+"""Notebooks and guides run as they stand, draw what they promise and end with a number; none stores its outputs.
 
-import contextlib
+What `make docs` has executed is not executed again, and what is executed here serves the pages.
+"""
+
 import importlib.util
-import io
 import json
 import re
 from pathlib import Path
 
 import pytest
 
-FOLDER = Path(__file__).parents[2] / "notebooks"
-BOOKS = sorted(FOLDER.glob("*.ipynb"))
-NINE = 9
+ROOT = Path(__file__).parents[2]
+BOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
+GUIDES = {"camera", "ultrasound", "soft_robot", "theorist", "programmer"}
 
 
-def cells(book: Path) -> list[dict]:
-    return json.loads(book.read_text(encoding="utf-8"))["cells"]
+def script():
+    """`docs/execute.py` as a module."""
+    spec = importlib.util.spec_from_file_location("execute", ROOT / "docs" / "execute.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
-def code(book: Path) -> list[str]:
-    return ["".join(cell["source"]) for cell in cells(book) if cell["cell_type"] == "code"]
-
-
-def test_there_are_nine():
-    assert len(BOOKS) == NINE
+def test_there_is_a_guide_for_every_user():
+    assert {book.stem.removeprefix("guide_") for book in BOOKS if book.stem.startswith("guide_")} == GUIDES
+    assert len(BOOKS) >= 10 + len(GUIDES)
 
 
 @pytest.mark.parametrize("book", BOOKS, ids=lambda book: book.stem)
 def test_no_outputs_are_stored(book):
-    assert all(not cell["outputs"] and cell["execution_count"] is None for cell in cells(book) if "outputs" in cell)
+    cells = json.loads(book.read_text(encoding="utf-8"))["cells"]
+    assert all(not cell["outputs"] and cell["execution_count"] is None for cell in cells if "outputs" in cell)
 
 
-# what the laws say of themselves outside their range belongs to the story that a notebook tells
-@pytest.mark.filterwarnings("default::jshell.errors.RangeWarning", "default::jshell.calibration.FitWarning")
 @pytest.mark.parametrize("book", BOOKS, ids=lambda book: book.stem)
-def test_every_cell_runs_reduced_and_the_last_prints_a_number(book, monkeypatch):
-    matplotlib = pytest.importorskip("matplotlib")
-    monkeypatch.setenv("JSHELL_QUICK", "1")
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    drawn = []
-    monkeypatch.setattr(plt, "show", lambda: drawn.extend(plt.get_fignums()))
-    monkeypatch.chdir(FOLDER)
-    names: dict = {"__name__": "__main__"}
-    printed: list[str] = []
-    try:
-        for number, source in enumerate(code(book), 1):
-            words = io.StringIO()
-            with contextlib.redirect_stdout(words):
-                exec(compile(source, f"{book.name}, code cell {number}", "exec"), names)
-            printed.append(words.getvalue())
-    finally:
-        plt.close("all")
-    assert drawn, "no picture"
+def test_every_cell_runs_and_the_last_prints_a_number(book):
+    pytest.importorskip("nbclient", reason="pip install 'jshell[docs]'")
+    cells = [cell for cell in script().executed(book).cells if cell.cell_type == "code"]
+    shown = [output for cell in cells for output in cell.outputs]
+    assert [one for one in shown if {"image/png", "image/gif"} & set(one.get("data", ()))], "no picture"
+    printed = ["".join(one.get("text", "") for one in cell.outputs if one.get("name") == "stdout") for cell in cells]
     assert re.search(r"\d\.\d|\d %", printed[-1]), "no number at the end"
     assert not re.search(r"\bnan\b", "".join(printed).lower())
 
 
-@pytest.mark.slow
-def test_the_notebooks_run_at_full_size_in_kernels_of_their_own(tmp_path):
-    spec = importlib.util.spec_from_file_location("execute", FOLDER / "execute.py")
-    assert spec is not None
-    assert spec.loader is not None
-    script = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(script)
-    for book in BOOKS:
-        assert script.execute(book, tmp_path) >= 1, book.name
+def test_what_was_executed_is_kept_until_code_changes(tmp_path, monkeypatch):
+    execute = script()
+    monkeypatch.setattr(execute, "CACHE", tmp_path / "cache")
+    monkeypatch.setattr(execute, "digest", lambda: "one")
+    page = tmp_path / "page.md"
+    page.write_text(
+        "---\nfile_format: mystnb\nkernelspec:\n  name: python3\n---\n\n```{code-cell}\nprint(6 * 7)\n```\n"
+    )
+    assert execute.executed(page).cells[0].outputs[0].text == "42\n"
+    monkeypatch.setattr(execute, "run", lambda source: pytest.fail("executed twice"))
+    assert execute.executed(page).cells[0].outputs[0].text == "42\n"
+    assert execute.missing(execute.kept(), [page]) == []
+    monkeypatch.setattr(execute, "digest", lambda: "another")
+    assert execute.missing(execute.kept(), [page]) == [page]
