@@ -1,5 +1,5 @@
 # make demo: the main job, end to end.   make test: lint, types, tests.   make slow, make bench: the long ones.
-# make test-apart: the tests that need a browser, a database server, or execute notebooks.
+# make test-apart: the tests that need a browser, a database server, or execute notebooks that `make docs` has not.
 # make docs: notebooks and pages executed, where they changed, and built into out/docs.   make release: built and tried.
 PYTHON ?= python3
 VENV := .venv

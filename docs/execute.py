@@ -31,7 +31,15 @@ WORKERS = 2
 LOG = re.compile(r"[EWIF]\d{4} \d\d:\d\d|.*TqdmWarning|  from .autonotebook")  # the compiler's, and of bars in Jupyter
 ESCAPE, BAR = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]"), "━━━"
 # what takes longest begins first
-LONGEST = ("08_from_camera", "03_buckle_a_shell", "gallery", "figures", "10_is_it_still_round", "guide_programmer", "guide_theorist")
+LONGEST = (
+    "08_from_camera",
+    "03_buckle_a_shell",
+    "gallery",
+    "figures",
+    "10_is_it_still_round",
+    "guide_programmer",
+    "guide_theorist",
+)
 
 
 def sources() -> list[Path]:

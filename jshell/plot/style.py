@@ -97,12 +97,12 @@ def use_style() -> None:
 
 def new_figure(size: tuple[float, float] = ONE) -> Figure:
     """An empty figure that belongs to no window; as the last value of a notebook's cell it shows itself."""
+    matplotlib()
     return _kind_of_figure()(figsize=size, layout="constrained")
 
 
 @cache
 def _kind_of_figure() -> Any:
-    matplotlib()
     from matplotlib.figure import Figure
 
     class Picture(Figure):

@@ -103,6 +103,13 @@ def test_a_shape_that_was_not_found_is_named_and_not_drawn():
     assert np.isfinite(ax.get_xlim()).all()
 
 
+def test_the_master_curve_names_thicknesses_where_shells_differ_in_it():
+    table = {"omega_minus": [0.9, 1.0], "omega_plus": [1.6, 1.7], "V_e": [3.1, 3.2], "P_e": [0.8, 1.3]}
+    ax = plot.master_curve(table | {"d_hat": [0.1, 0.22]})
+    assert {"0.1", "0.22"} < {text.get_text() for text in ax.texts}
+    assert not plot.master_curve(table | {"d_hat": [0.1, 0.1]}).texts
+
+
 def test_figures_show_themselves_in_a_notebook():
     figure = plot.rest_shape(_dented()).figure
     assert figure._repr_png_().startswith(b"\x89PNG")  # type: ignore[union-attr]
