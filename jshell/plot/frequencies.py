@@ -63,7 +63,7 @@ def master_curve(
         slow = ax.plot(x, y[:, 0], marker="o", color=SLOW, markersize=5.2, label=f"slow {slow_symbol}", **points)[0]
         fast = ax.plot(x, y[:, 1], marker="s", color=FAST, label=f"fast {fast_symbol}", **points)[0]
         drawn += [(line, str(line.get_label())) for line in (slow, fast)]
-        _thicknesses(ax, table, kept, x, y)
+        _thicknesses(ax, table, np.asarray(kept), x, y)
 
         top = max(float(np.nanmax(line.get_ydata())) for line in ax.get_lines())
         ax.set_ylim(0.0, 1.45 * top)

@@ -12,6 +12,10 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 BOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
+PAGES = sorted(
+    page for page in (ROOT / "docs").rglob("*.md") if page.read_text("utf-8").startswith("---\nfile_format: mystnb\n")
+)
+PICTURES = 60
 GUIDES = {"camera", "ultrasound", "soft_robot", "theorist", "programmer"}
 
 
@@ -39,12 +43,46 @@ def test_no_outputs_are_stored(book):
 @pytest.mark.parametrize("book", BOOKS, ids=lambda book: book.stem)
 def test_every_cell_runs_and_the_last_prints_a_number(book):
     pytest.importorskip("nbclient", reason="pip install 'jshell[docs]'")
-    cells = [cell for cell in script().executed(book).cells if cell.cell_type == "code"]
-    shown = [output for cell in cells for output in cell.outputs]
-    assert [one for one in shown if {"image/png", "image/gif"} & set(one.get("data", ()))], "no picture"
+    book = script().executed(book)
+    cells = [cell for cell in book.cells if cell.cell_type == "code"]
+    assert pictures(book), "no picture"
     printed = ["".join(one.get("text", "") for one in cell.outputs if one.get("name") == "stdout") for cell in cells]
     assert re.search(r"\d\.\d|\d %", printed[-1]), "no number at the end"
     assert not re.search(r"\bnan\b", "".join(printed).lower())
+
+
+def pictures(book) -> int:
+    shown = [output for cell in book.cells for output in cell.get("outputs", ())]
+    return sum(bool({"image/png", "image/gif"} & set(one.get("data", ()))) for one in shown)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT / "docs")))
+def test_every_page_with_code_runs_and_draws(page):
+    pytest.importorskip("nbclient", reason="pip install 'jshell[docs]'")
+    assert pictures(script().executed(page))
+
+
+def test_every_how_to_is_executed():
+    assert {page.stem for page in (ROOT / "docs" / "howto").glob("*.md")} - {"index"} <= {page.stem for page in PAGES}
+
+
+def test_the_documentation_shows_what_it_speaks_of():
+    """Cells whose last line is a picture, whether or not they have been executed."""
+    last = re.compile(
+        r"(figure|plt\.show\(\)|^Image\(.*|\.draw\(material\)|^(js\.)?plot\.(response\.answer|filmstrip)\(.*)$"
+    )
+    cells = [
+        cell
+        for page in PAGES
+        for cell in re.findall(r"^```\{code-cell\} python\n(.*?)^```$", page.read_text("utf-8"), re.S | re.M)
+    ]
+    for book in BOOKS:
+        cells += [
+            "".join(cell["source"])
+            for cell in json.loads(book.read_text("utf-8"))["cells"]
+            if cell["cell_type"] == "code"
+        ]
+    assert sum(bool(last.search(cell.strip().splitlines()[-1])) for cell in cells) >= PICTURES
 
 
 def test_what_was_executed_is_kept_until_code_changes(tmp_path, monkeypatch):
