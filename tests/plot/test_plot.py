@@ -159,7 +159,7 @@ def test_rest_shapes_have_equal_scales_and_tell_their_volume():
 def test_a_mode_swings_as_far_out_as_in():
     modes = _modes()
     ax = plot.mode_shape(modes, 1, scale=0.1)
-    rest, up, down = (_line(ax, name).get_xydata() for name in ("rest", "V up, to 0.15 R₀", "V down"))
+    rest, up, down = (_line(ax, name).get_xydata() for name in ("rest", "V up", "V down"))
     np.testing.assert_allclose(up - rest, rest - down, atol=1e-12)
     assert _draws(ax)
     with pytest.raises(BadValue):
