@@ -29,6 +29,7 @@ CACHE = ROOT / ".jupyter_cache"
 LIMIT = 900  # seconds for one cell, on a machine that does other things as well
 WORKERS = 2
 LOG = re.compile(r"[EWIF]\d{4} \d\d:\d\d|.*TqdmWarning|  from .autonotebook")  # the compiler's, and of bars in Jupyter
+WHERE = re.compile(r"\S+\.py:\d+: (?=\w*Warning: )")  # of this machine, in front of a warning
 ESCAPE, BAR = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]"), "━━━"
 # what takes longest begins first
 LONGEST = (
@@ -96,12 +97,14 @@ def run(source: Path) -> tuple[nbformat.NotebookNode, float]:
 
 
 def _as_on_paper(book: nbformat.NotebookNode) -> None:
-    """Take off the colours of a terminal, bars that move, and the compiler's log, which no two machines share."""
+    """Take off a terminal's colours, bars that move, and what no two machines share: places, the compiler's log."""
     for cell in book.cells:
         for output in cell.get("outputs", ()):
             if output.output_type == "stream":
                 lines = ESCAPE.sub("", output.text).replace("\r\n", "\n").splitlines(True)
                 kept = [line for line in lines if not LOG.match(line) and BAR not in line]
+                if output.name == "stderr":  # a warning's words, without its place and the line it repeats
+                    kept = [WHERE.sub("", line) for line in kept if not line.startswith("  ")]
                 output.text = "".join(kept).lstrip("\n")
         if "outputs" in cell:
             cell.outputs = [one for one in cell.outputs if one.get("text", "something")]
