@@ -15,6 +15,11 @@ myst_enable_extensions = ["colon_fence", "deflist"]
 myst_heading_anchors = 3
 exclude_patterns = ["_build"]
 
+# Sphinx reads below this folder only: the notebooks of the repository are linked into it
+linked = Path(__file__).parent / "notebooks"
+if not linked.exists():
+    linked.symlink_to(Path("..") / "notebooks", target_is_directory=True)
+
 nb_execution_mode = "cache"  # `docs/execute.py` has executed them, two at a time
 nb_execution_cache_path = str(Path(__file__).parents[1] / ".jupyter_cache")
 nb_execution_in_temp = True
