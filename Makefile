@@ -1,12 +1,12 @@
 # make demo: the main job, end to end.   make test: lint, types, tests.   make slow, make bench: the long ones.
-# make test-apart: the tests that need a browser, a database server, or execute notebooks.
-# make docs: the pages, into out/docs.   make notebooks: all executed, into out/notebooks.   make release: built and tried.
+# make test-apart: the tests that need a browser, a database server, or execute notebooks that `make docs` has not.
+# make docs: notebooks and pages executed, where they changed, and built into out/docs.   make release: built and tried.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test test-apart lint slow bench docs notebooks release clean
+.PHONY: demo test test-apart lint slow bench docs release clean
 
 demo: $(STAMP)
 	$(BIN)/jshell demo --out out/demo
@@ -35,10 +35,8 @@ bench: $(STAMP)
 	$(BIN)/python benchmarks/service.py
 
 docs: $(STAMP)
+	$(BIN)/python docs/execute.py
 	$(BIN)/python -m sphinx -q -W --keep-going -b html docs out/docs
-
-notebooks: $(STAMP)
-	$(BIN)/python notebooks/execute.py out/notebooks
 
 release: $(STAMP)
 	$(BIN)/python .ci/release.py

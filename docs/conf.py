@@ -1,18 +1,32 @@
 """How the documentation is built: `make docs`."""
 
 import re
-from importlib import metadata
+from pathlib import Path
+
+import jshell
 
 project = "jshell"
 author = "The jshell developers"
-release = metadata.version("jshell")
-version = release
+release = version = jshell.__version__
 html_title = f"jshell {release}"
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.viewcode"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.viewcode"]
 myst_enable_extensions = ["colon_fence", "deflist"]
 myst_heading_anchors = 3
 exclude_patterns = ["_build"]
+
+# Sphinx reads below this folder only: the notebooks of the repository are linked into it
+linked = Path(__file__).parent / "notebooks"
+if not linked.exists():
+    linked.symlink_to(Path("..") / "notebooks", target_is_directory=True)
+
+nb_execution_mode = "cache"  # `docs/execute.py` has executed them, two at a time
+nb_execution_cache_path = str(Path(__file__).parents[1] / ".jupyter_cache")
+nb_execution_in_temp = True
+nb_execution_timeout = 900
+nb_execution_raise_on_error = True
+nb_merge_streams = True
+
 
 html_theme = "pydata_sphinx_theme"
 html_theme_options = {

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 if TYPE_CHECKING:
     from jshell.service.client import Client
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 __all__ = [
     "Client", "Coefficients", "FitResult", "Gas", "JshellError", "Liquid", "Load", "NotOk", "Outcome", "RangeWarning",
     "Reduced", "Scales", "Shell", "Trace", "calibration", "campaigns", "comparators", "dynamics", "engines", "extract",

@@ -21,7 +21,7 @@ from jshell.plot.fits import profiles, trace_fit
 from jshell.plot.frequencies import master_curve
 from jshell.plot.shapes import mode_shape, rest_shape
 from jshell.plot.space import in_space, rotating
-from jshell.plot.style import new_figure, save, style
+from jshell.plot.style import new_figure, save, style, use_style
 from jshell.plot.traces import channel, identified_modes
 from jshell.renamed import renamed
 
@@ -29,7 +29,7 @@ __all__ = [
     "animate", "branches", "channel", "deflation", "demo", "film", "filmstrip", "fits", "frequencies",
     "identified_modes", "in_space", "master_curve", "mode_shape", "moments", "new_figure", "overview", "profiles",
     "response", "rest_shape", "rotating", "save", "sensitivity", "shapes", "snapshot", "space", "style", "symmetry_map",
-    "trace_fit", "traces",
+    "trace_fit", "traces", "use_style",
 ]  # fmt: skip
 __getattr__ = renamed(
     __name__,

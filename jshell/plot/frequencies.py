@@ -18,6 +18,7 @@ from jshell.oscillator import SOURCE, Coefficients, squared_frequencies
 from jshell.plot.style import FAST, GREY, SLOW, Axes, axes_or_new, style
 from jshell.quantities import quantity
 
+MOST_NAMED = 16  # shells whose thickness is written beside them
 POINTS = 200
 
 
@@ -62,6 +63,7 @@ def master_curve(
         slow = ax.plot(x, y[:, 0], marker="o", color=SLOW, markersize=5.2, label=f"slow {slow_symbol}", **points)[0]
         fast = ax.plot(x, y[:, 1], marker="s", color=FAST, label=f"fast {fast_symbol}", **points)[0]
         drawn += [(line, str(line.get_label())) for line in (slow, fast)]
+        _thicknesses(ax, table, np.asarray(kept), x, y)
 
         top = max(float(np.nanmax(line.get_ydata())) for line in ax.get_lines())
         ax.set_ylim(0.0, 1.45 * top)
@@ -71,6 +73,19 @@ def master_curve(
         ax.set_xlabel(f"{V_symbol}ₑ{P_symbol}ₑ [E d R₀²]")
         ax.set_ylabel(f"{V_symbol}ₑ² ω² [E d R₀³/ρ]")
     return ax
+
+
+def _thicknesses(ax: Axes, table: Mapping[str, object], kept: np.ndarray, x: np.ndarray, y: np.ndarray) -> None:
+    """Write d̂ beside the fast mode of each shell, where a table of few shells says that they differ in it."""
+    d = np.asarray(table.get("d_hat", ()), dtype=float)
+    if d.shape != kept.shape or np.unique(d[kept]).size < 2 or kept.sum() > MOST_NAMED:
+        return
+    for place, height, thickness in zip(x, y[:, 1], d[kept], strict=True):
+        if np.isfinite(height):
+            ax.annotate(f"{thickness:.3g}", (place, height), (4, 3), textcoords="offset points", fontsize=6, color=GREY)
+    ax.text(
+        0.985, 0.02, f"numbers: {quantity('d_hat').symbol}", transform=ax.transAxes, ha="right", fontsize=6, color=GREY
+    )
 
 
 def curves(

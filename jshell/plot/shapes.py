@@ -86,6 +86,7 @@ def mode_shape(modes: Modes, k: int = 0, ax: Axes | None = None, scale: float | 
         raise BadValue("k", found=repr(k), expected=f"0 to {count - 1}", remedy="Ask `modes` for a larger count.")
     shape, q = modes.rest.meridian, jnp.asarray(modes.rest.coordinates)
     move = jnp.real(jnp.asarray(modes.shapes[k]))
+    scaled = "" if scale is not None else f", to {LARGEST:g} R₀"
     if scale is None:
         dx, dr = outline(shape, move)
         scale = LARGEST / float(np.hypot(dx, dr).max())
@@ -97,7 +98,7 @@ def mode_shape(modes: Modes, k: int = 0, ax: Axes | None = None, scale: float | 
         ax.fill(*out, color=colour, alpha=0.10, linewidth=0)
         symbol = quantity("V").symbol
         ax.plot(x, r, color=BLACK, linewidth=1.0, label="rest")
-        ax.plot(*out, color=colour, linewidth=1.3, label=f"{symbol} up")
+        ax.plot(*out, color=colour, linewidth=1.3, label=f"{symbol} up{scaled}")
         ax.plot(*back, color=colour, linewidth=1.0, linestyle=(0, (4, 2)), label=f"{symbol} down")
         ax.text(0.5, 0.105, _rates(modes, k), transform=ax.transAxes, ha="center", va="bottom", fontsize=7.5)
         ax.legend(loc="lower center", ncols=3, columnspacing=0.9, handlelength=1.3, handletextpad=0.5)
@@ -127,6 +128,8 @@ def _sphere(ax: Axes) -> None:
 def _frame(ax: Axes) -> None:
     """Equal scales, room for the stress-free sphere at least, and below for words: panels beside each other match."""
     points = np.concatenate([np.asarray(line.get_xydata()) for line in ax.get_lines()])
+    points = points[np.isfinite(points).all(axis=1)]  # a shape that was not found has none: the legend says why
+    points = np.concatenate([points, [[0.0, 0.0]]])
     left, low = np.minimum(points.min(axis=0), -1.1) - MARGIN
     right, high = np.maximum(points.max(axis=0), 1.1) + MARGIN
     ax.set_xlim(left, right)

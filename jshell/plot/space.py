@@ -84,7 +84,7 @@ def in_space(
         axes.set_box_aspect((1, 1, 1))
         axes.view_init(elev=ELEVATION, azim=azimuth)
         axes.set_axis_off()
-        axes.set_title(f"m = {order}")
+        axes.set_title(f"m = {order}, swing drawn as {abs(size):.2g} R₀" if ax is None else f"m = {order}")
     return axes
 
 

@@ -9,6 +9,8 @@ Source     Okabe & Ito 2008 for the colours, told apart by colour-blind eyes
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -55,7 +57,7 @@ SETTINGS: dict[str, Any] = {
     "legend.frameon": False,
     "legend.handlelength": 1.6,
     "legend.borderaxespad": 0.3,
-    "figure.dpi": 100.0,
+    "figure.dpi": DPI,
     "savefig.dpi": DPI,
     "pdf.fonttype": 42,  # letters stay letters
     "svg.fonttype": "path",
@@ -88,12 +90,31 @@ def style() -> Iterator[None]:
         yield
 
 
+def use_style() -> None:
+    """The look of this room for all that the session draws from here on: for the first cell of a notebook."""
+    matplotlib().rcParams.update(SETTINGS)
+
+
 def new_figure(size: tuple[float, float] = ONE) -> Figure:
-    """An empty figure that belongs to no window."""
+    """An empty figure that belongs to no window; as the last value of a notebook's cell it shows itself."""
     matplotlib()
+    return _kind_of_figure()(figsize=size, layout="constrained")
+
+
+@cache
+def _kind_of_figure() -> Any:
     from matplotlib.figure import Figure
 
-    return Figure(figsize=size, layout="constrained")
+    class Picture(Figure):
+        """A figure that notebooks can show without `pyplot`."""
+
+        def _repr_png_(self) -> bytes:
+            written = BytesIO()
+            with style():
+                self.savefig(written, format="png", dpi=DPI)
+            return written.getvalue()
+
+    return Picture
 
 
 def axes_or_new(ax: Axes | None, size: tuple[float, float] = ONE) -> Axes:

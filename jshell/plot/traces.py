@@ -227,7 +227,7 @@ def compare(
     ax.plot(times, data, color=color, linewidth=3.2, alpha=0.55, solid_capstyle="round", label=names[0])
     ax.plot(times, curve, color=BLACK, linewidth=0.9, label=names[1])
     ax.axhline(base, color=PALE, linewidth=0.8, zorder=0.5)
-    ax.plot(times, base + left, color=GREY, linewidth=0.9, label="residual")
+    ax.plot(times, base + left, color=GREY, linewidth=0.9, label="residual, shifted")
 
     ax.margins(x=0.0)
     ax.set_ylim(base + min(float(left.min()), 0.0) - 0.24 * tall, high + 0.30 * tall)

@@ -21,9 +21,10 @@ from jshell.errors import JshellError, Outcome
 DOCS = Path(__file__).parents[2] / "docs"
 PAGES = sorted((*DOCS.glob("*.md"), *DOCS.glob("howto/*.md"), *DOCS.glob("api/*.md")))
 README = DOCS.parent / "README.md"
-FENCE = re.compile(r"^```(python|sh)\n(.*?)^```$", re.S | re.M)
+FENCE = re.compile(r"^```(python|sh|\{code-cell\} python)\n(.*?)^```$", re.S | re.M)
 ELSEWHERE = ("serve", "submit", "campaign", "figures", "demo")  # wait for a server, or have tests of their own
 PYTHON = re.compile(r"^(<!-- slow -->\n)?```python\n(.*?)^```$", re.S | re.M)
+EXECUTED = re.compile(r"^```\{code-cell\} python\n(.*?)^```$", re.S | re.M)  # by the build of the pages
 SHELL = re.compile(r"^```sh\n(.*?)^```$", re.S | re.M)
 ROOMS = [room.name for room in pkgutil.iter_modules(jshell.__path__) if room.ispkg and room.name != "cli"]
 FILES = [f"jshell.{file.stem}" for file in sorted(Path(jshell.__path__[0]).glob("[a-z]*.py"))]
@@ -38,7 +39,12 @@ def name_of(page: Path) -> str:
     return str(page.relative_to(DOCS.parent))
 
 
-WITH_PYTHON = [page for page in PAGES if blocks(page)]
+def as_notebook(page: Path) -> bool:
+    """Whether the page is executed when the pages are built."""
+    return page.read_text(encoding="utf-8").startswith("---\nfile_format: mystnb\n")
+
+
+WITH_PYTHON = [page for page in PAGES if blocks(page) and not as_notebook(page)]
 WHOLE = [page for page in (README, *PAGES) if FENCE.search(page.read_text(encoding="utf-8"))]
 
 
@@ -68,7 +74,7 @@ def test_whole_pages_run_python_and_terminal_in_their_order(page, tmp_path, monk
         assert CliRunner().invoke(app, ["demo", "--out", "out/demo"]).exit_code == 0
     names: dict = {"__name__": "__main__"}
     for kind, block in FENCE.findall(page.read_text(encoding="utf-8")):
-        if kind == "python":
+        if kind != "sh":
             exec(compile(block, f"{name_of(page)}: {block[:40]}", "exec"), names)
         for line in lines_of(block) if kind == "sh" else ():
             verb = shlex.split(line)[1]
@@ -150,6 +156,7 @@ def test_every_file_that_all_rooms_share_is_on_its_page(module):
 def test_what_the_pages_and_notebooks_import_is_public():
     """A reader may rely on what is shown to him: a room, a name of its `__all__`, or of one of its public modules."""
     shown = [block for page in (README, *PAGES) for _, block in blocks(page)]
+    shown += [block for page in PAGES for block in EXECUTED.findall(page.read_text(encoding="utf-8"))]
     for book in sorted((DOCS.parent / "notebooks").glob("*.ipynb")):
         shown += ["".join(cell["source"]) for cell in json.loads(book.read_text(encoding="utf-8"))["cells"]]
     found = re.findall(r"^from (jshell[\w.]*) import (.+)$", "\n".join(shown), re.M)

@@ -1,69 +1,101 @@
-"""The notebooks run, reduced, draw what they promise and end with a number; none stores its outputs."""
+"""Notebooks and guides run as they stand, draw what they promise and end with a number; none stores its outputs.
 
-import contextlib
+What `make docs` has executed is not executed again, and what is executed here serves the pages.
+"""
+
 import importlib.util
-import io
 import json
 import re
 from pathlib import Path
 
 import pytest
 
-FOLDER = Path(__file__).parents[2] / "notebooks"
-BOOKS = sorted(FOLDER.glob("*.ipynb"))
-NINE = 9
+ROOT = Path(__file__).parents[2]
+BOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
+PAGES = sorted(
+    page for page in (ROOT / "docs").rglob("*.md") if page.read_text("utf-8").startswith("---\nfile_format: mystnb\n")
+)
+PICTURES = 60
+GUIDES = {"camera", "ultrasound", "soft_robot", "theorist", "programmer"}
 
 
-def cells(book: Path) -> list[dict]:
-    return json.loads(book.read_text(encoding="utf-8"))["cells"]
+def script():
+    """`docs/execute.py` as a module."""
+    spec = importlib.util.spec_from_file_location("execute", ROOT / "docs" / "execute.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
-def code(book: Path) -> list[str]:
-    return ["".join(cell["source"]) for cell in cells(book) if cell["cell_type"] == "code"]
-
-
-def test_there_are_nine():
-    assert len(BOOKS) == NINE
+def test_there_is_a_guide_for_every_user():
+    assert {book.stem.removeprefix("guide_") for book in BOOKS if book.stem.startswith("guide_")} == GUIDES
+    assert len(BOOKS) >= 10 + len(GUIDES)
 
 
 @pytest.mark.parametrize("book", BOOKS, ids=lambda book: book.stem)
 def test_no_outputs_are_stored(book):
-    assert all(not cell["outputs"] and cell["execution_count"] is None for cell in cells(book) if "outputs" in cell)
+    cells = json.loads(book.read_text(encoding="utf-8"))["cells"]
+    assert all(not cell["outputs"] and cell["execution_count"] is None for cell in cells if "outputs" in cell)
 
 
-# what the laws say of themselves outside their range belongs to the story that a notebook tells
-@pytest.mark.filterwarnings("default::jshell.errors.RangeWarning", "default::jshell.calibration.FitWarning")
 @pytest.mark.parametrize("book", BOOKS, ids=lambda book: book.stem)
-def test_every_cell_runs_reduced_and_the_last_prints_a_number(book, monkeypatch):
-    matplotlib = pytest.importorskip("matplotlib")
-    monkeypatch.setenv("JSHELL_QUICK", "1")
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    drawn = []
-    monkeypatch.setattr(plt, "show", lambda: drawn.extend(plt.get_fignums()))
-    monkeypatch.chdir(FOLDER)
-    names: dict = {"__name__": "__main__"}
-    printed: list[str] = []
-    try:
-        for number, source in enumerate(code(book), 1):
-            words = io.StringIO()
-            with contextlib.redirect_stdout(words):
-                exec(compile(source, f"{book.name}, code cell {number}", "exec"), names)
-            printed.append(words.getvalue())
-    finally:
-        plt.close("all")
-    assert drawn, "no picture"
+def test_every_cell_runs_and_the_last_prints_a_number(book):
+    pytest.importorskip("nbclient", reason="pip install 'jshell[docs]'")
+    book = script().executed(book)
+    cells = [cell for cell in book.cells if cell.cell_type == "code"]
+    assert pictures(book), "no picture"
+    printed = ["".join(one.get("text", "") for one in cell.outputs if one.get("name") == "stdout") for cell in cells]
     assert re.search(r"\d\.\d|\d %", printed[-1]), "no number at the end"
     assert not re.search(r"\bnan\b", "".join(printed).lower())
 
 
-@pytest.mark.slow
-def test_the_notebooks_run_at_full_size_in_kernels_of_their_own(tmp_path):
-    spec = importlib.util.spec_from_file_location("execute", FOLDER / "execute.py")
-    assert spec is not None
-    assert spec.loader is not None
-    script = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(script)
+def pictures(book) -> int:
+    shown = [output for cell in book.cells for output in cell.get("outputs", ())]
+    return sum(bool({"image/png", "image/gif"} & set(one.get("data", ()))) for one in shown)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT / "docs")))
+def test_every_page_with_code_runs_and_draws(page):
+    pytest.importorskip("nbclient", reason="pip install 'jshell[docs]'")
+    assert pictures(script().executed(page))
+
+
+def test_every_how_to_is_executed():
+    assert {page.stem for page in (ROOT / "docs" / "howto").glob("*.md")} - {"index"} <= {page.stem for page in PAGES}
+
+
+def test_the_documentation_shows_what_it_speaks_of():
+    """Cells whose last line is a picture, whether or not they have been executed."""
+    last = re.compile(
+        r"(figure|plt\.show\(\)|^Image\(.*|\.draw\(material\)|^(js\.)?plot\.(response\.answer|filmstrip)\(.*)$"
+    )
+    cells = [
+        cell
+        for page in PAGES
+        for cell in re.findall(r"^```\{code-cell\} python\n(.*?)^```$", page.read_text("utf-8"), re.S | re.M)
+    ]
     for book in BOOKS:
-        assert script.execute(book, tmp_path) >= 1, book.name
+        cells += [
+            "".join(cell["source"])
+            for cell in json.loads(book.read_text("utf-8"))["cells"]
+            if cell["cell_type"] == "code"
+        ]
+    assert sum(bool(last.search(cell.strip().splitlines()[-1])) for cell in cells) >= PICTURES
+
+
+def test_what_was_executed_is_kept_until_code_changes(tmp_path, monkeypatch):
+    execute = script()
+    monkeypatch.setattr(execute, "CACHE", tmp_path / "cache")
+    monkeypatch.setattr(execute, "digest", lambda: "one")
+    page = tmp_path / "page.md"
+    page.write_text(
+        "---\nfile_format: mystnb\nkernelspec:\n  name: python3\n---\n\n```{code-cell}\nprint(6 * 7)\n```\n"
+    )
+    assert execute.executed(page).cells[0].outputs[0].text == "42\n"
+    monkeypatch.setattr(execute, "run", lambda source: pytest.fail("executed twice"))
+    assert execute.executed(page).cells[0].outputs[0].text == "42\n"
+    assert execute.missing(execute.kept(), [page]) == []
+    monkeypatch.setattr(execute, "digest", lambda: "another")
+    assert execute.missing(execute.kept(), [page]) == [page]

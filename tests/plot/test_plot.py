@@ -94,6 +94,27 @@ def _draws(ax: Axes) -> bool:
     return True
 
 
+def test_a_shape_that_was_not_found_is_named_and_not_drawn():
+    found, lost = _dented(), replace(_dented(), coordinates=_dented().coordinates * jnp.nan, outcome=jnp.asarray(4))
+    ax = plot.rest_shape([found, lost])
+    legend = ax.get_legend()
+    assert legend is not None
+    assert Outcome(4).word in legend.get_texts()[-1].get_text()
+    assert np.isfinite(ax.get_xlim()).all()
+
+
+def test_the_master_curve_names_thicknesses_where_shells_differ_in_it():
+    table = {"omega_minus": [0.9, 1.0], "omega_plus": [1.6, 1.7], "V_e": [3.1, 3.2], "P_e": [0.8, 1.3]}
+    ax = plot.master_curve(table | {"d_hat": [0.1, 0.22]})
+    assert {"0.1", "0.22"} < {text.get_text() for text in ax.texts}
+    assert not plot.master_curve(table | {"d_hat": [0.1, 0.1]}).texts
+
+
+def test_figures_show_themselves_in_a_notebook():
+    figure = plot.rest_shape(_dented()).figure
+    assert figure._repr_png_().startswith(b"\x89PNG")  # type: ignore[union-attr]
+
+
 def test_importing_jshell_does_not_import_matplotlib():
     code = "import sys, jshell, jshell.plot; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
@@ -181,7 +202,7 @@ def test_what_was_heard_lies_on_a_record_of_two_modes():
     ax = plot.identified_modes(trace, found)
     curve = _line(ax, "two modes")
     np.testing.assert_allclose(curve.get_ydata(), trace["V"] / (4 * np.pi / 3), atol=1e-8)
-    assert np.ptp(_line(ax, "residual").get_ydata()) < 1e-8
+    assert np.ptp(_line(ax, "residual, shifted").get_ydata()) < 1e-8
     assert ax.get_ylabel() == "volume V/V₀"
     assert _draws(ax)
 
