@@ -1,7 +1,11 @@
 """How the documentation is built: `make docs`."""
 
 import re
+import sys
 from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+import execute  # beside this file
 
 import jshell
 
@@ -21,7 +25,7 @@ if not linked.exists():
     linked.symlink_to(Path("..") / "notebooks", target_is_directory=True)
 
 nb_execution_mode = "cache"  # `docs/execute.py` has executed them, two at a time
-nb_execution_cache_path = str(Path(__file__).parents[1] / ".jupyter_cache")
+nb_execution_cache_path = str(execute.folder())
 nb_execution_in_temp = True
 nb_execution_timeout = 900
 nb_execution_raise_on_error = True

@@ -66,15 +66,24 @@ def digest() -> str:
     return whole.hexdigest()
 
 
+def folder() -> Path:
+    """Where the cache of this jshell lies; another jshell has another."""
+    return CACHE / digest()[:12]
+
+
 def kept():
-    """The cache, emptied where it is of another jshell."""
-    mark, now = CACHE / "of", digest()
-    if CACHE.exists() and not (mark.exists() and mark.read_text() == now):
-        shutil.rmtree(CACHE)
-    cache = get_cache(CACHE)
-    CACHE.mkdir(exist_ok=True)
-    mark.write_text(now)
-    return cache
+    """The cache of this jshell."""
+    here = folder()
+    here.mkdir(parents=True, exist_ok=True)
+    return get_cache(here)
+
+
+def forget_others() -> None:
+    """Remove what was kept of other states of jshell."""
+    here = folder()
+    for other in CACHE.glob("*"):
+        if other != here:
+            shutil.rmtree(other, ignore_errors=True) if other.is_dir() else other.unlink()
 
 
 def run(source: Path) -> tuple[nbformat.NotebookNode, float]:
@@ -138,6 +147,7 @@ def missing(cache, asked: Sequence[Path]) -> list[Path]:
 
 
 def main(*names: str) -> int:
+    forget_others()
     cache, failed = kept(), 0
     asked = [source for source in sources() if not names or source.stem in names]
     with ProcessPoolExecutor(WORKERS) as pool:
