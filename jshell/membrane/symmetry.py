@@ -146,12 +146,6 @@ def critical_thickness(
 
     Raises:
         BadValue: V/V0 or order out of range.
-
-    Example:
-        >>> import jshell as js
-        >>> found = js.membrane.critical_thickness(0.7)
-        >>> print(f"{found.thickness:.5f}", "m =", found.order)
-        0.02728 m = 4
     """
     check_area(area)
     if not DEEPEST <= volume_ratio <= SHALLOWEST:

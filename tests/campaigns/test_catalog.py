@@ -10,9 +10,10 @@ import pytest
 from typer.testing import CliRunner
 
 from jshell import campaigns
+from jshell.campaigns.catalog import symmetry
 from jshell.campaigns.store import RUNS, RunStore
 from jshell.cli.main import app
-from jshell.errors import BadFile, BadName
+from jshell.errors import BadFile, BadName, BadValue
 
 
 def asked(*words: str) -> tuple[int, str]:
@@ -122,3 +123,34 @@ def test_terminal_runs_checks_and_exports(undisturbed, small, tmp_path):
 
 def test_shipped_table_is_that_of_the_shipped_files(shipped):
     assert (campaigns.shipped() / "catalog.csv").read_text(encoding="utf-8") == shipped.to_csv()
+
+
+def test_a_dimple_is_said_to_be_round_by_the_law(undisturbed):
+    found = campaigns.catalog(undisturbed)
+    assert found.where(family="gas")["symmetry"].tolist() == ["round (law)"] * 3
+    assert found.where(family="none")["symmetry"].tolist() == [""]  # nothing has buckled
+    assert "azimuth" not in found.columns  # nobody has asked
+    result = found.where(family="gas")[0]
+    thin = dataclasses.replace(result, run=dataclasses.replace(result.run, d_hat=0.01))
+    assert symmetry(thin) == "not round (law)"
+
+
+def test_runs_that_ask_for_nothing_new_keep_their_names():
+    plain = campaigns.Run("modes", 0.22, 0.9, 1.6)
+    assert {"symmetry", "azimuth"}.isdisjoint(plain.facts())
+    assert dataclasses.replace(plain, symmetry=True).key != plain.key != dataclasses.replace(plain, azimuth=2).key
+    for azimuth in (5, -1):
+        with pytest.raises(BadValue, match="azimuth"):
+            dataclasses.replace(plain, azimuth=azimuth)
+
+
+@pytest.mark.slow
+def test_symmetry_and_vibrations_around_the_axis_are_columns_where_asked(tmp_path):
+    base = {"d_hat": 0.22, "P0_hat": 0.9, "Pext_hat": 1.6, "weak_depth": 0.0, "symmetry": True, "azimuth": 2}
+    campaigns.run(campaigns.Design("asked", (campaigns.Family("R", "modes", base),)), tmp_path)
+    found = campaigns.catalog(tmp_path)
+    assert found["symmetry"].tolist() == ["round"]
+    assert found["growth"].tolist() == [0.0]
+    # as `jshell modes --preset R --azimuth 1,2` says
+    np.testing.assert_allclose([found["azimuth_omega_1"][0], found["azimuth_tau_2"][0]], [1.22903, 6.18796], rtol=1e-5)
+    assert "azimuth_omega_3" not in found.columns
