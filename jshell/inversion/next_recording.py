@@ -27,7 +27,7 @@ class Prospect:
         outcome: ok, or why there is no such recording.
     """
 
-    change: Mapping[str, float]
+    change: Mapping[str, float | int]
     stderr: Mapping[str, float]
     outcome: Outcome
 
@@ -37,7 +37,7 @@ def next_recording(
     best: Ending,
     weighings: Sequence[Weighing],
     covariance: np.ndarray,
-    candidates: Sequence[Mapping[str, float]],
+    candidates: Sequence[Mapping[str, float | int]],
 ) -> tuple[Prospect, ...]:
     """How well the unknowns would be known with each of several further recordings.
 
@@ -52,7 +52,7 @@ def next_recording(
 
 
 def _prospect(
-    model: Model, best: Ending, weighing: Weighing, known: np.ndarray, change: Mapping[str, float]
+    model: Model, best: Ending, weighing: Weighing, known: np.ndarray, change: Mapping[str, float | int]
 ) -> Prospect:
     names, first = model.space.names, model.recordings[0]
     for name in change:

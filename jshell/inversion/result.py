@@ -142,7 +142,7 @@ class Inversion(Fit):
             scale=scale, stderr=np.array(self.levels),
         )  # fmt: skip
 
-    def next_recording(self, candidates: Sequence[Mapping[str, float]]) -> "tuple[Prospect, ...]":
+    def next_recording(self, candidates: Sequence[Mapping[str, float | int]]) -> "tuple[Prospect, ...]":
         """How well the unknowns would be known with one more recording, of each of several kinds.
 
         Args:
