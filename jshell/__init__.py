@@ -21,6 +21,7 @@ if TYPE_CHECKING:
         comparators,
         dynamics,
         engines,
+        inversion,
         io,
         membrane,
         oscillator,
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from jshell.calibration import FitResult, load
     from jshell.calibration import fit_trajectories as fit
     from jshell.dynamics import modes, simulate
+    from jshell.inversion import invert
     from jshell.oscillator import Coefficients
     from jshell.service.client import Client
     from jshell.shell import Gas, Liquid, Load, Reduced, Scales, Shell, presets
@@ -50,19 +52,19 @@ __version__ = "0.2.0"
 __all__ = [
     "Client", "Coefficients", "FitResult", "Gas", "JshellError", "Liquid", "Load", "NotOk", "Outcome", "RangeWarning",
     "Reduced", "Scales", "Shell", "Trace", "calibration", "campaigns", "comparators", "dynamics", "engines", "extract",
-    "fit", "io", "load", "membrane", "modes", "oscillator", "presets", "quantities", "sensitivity", "shell", "signals",
-    "simulate",
+    "fit", "inversion", "invert", "io", "load", "membrane", "modes", "oscillator", "presets", "quantities",
+    "sensitivity", "shell", "signals", "simulate",
 ]  # fmt: skip
 
 _ROOMS = (
-    "calibration", "camera", "campaigns", "comparators", "contour", "dynamics", "engines", "flow", "io", "membrane",
-    "memory", "oscillator", "plot", "quantities", "sensitivity", "shell", "signals",
+    "calibration", "camera", "campaigns", "comparators", "contour", "dynamics", "engines", "flow", "inversion", "io",
+    "membrane", "memory", "oscillator", "plot", "quantities", "sensitivity", "shell", "signals",
 )  # fmt: skip
 _FROM = {
     "Client": "service.client", "Coefficients": "oscillator", "FitResult": "calibration", "Gas": "shell",
     "Liquid": "shell", "Load": "shell", "Reduced": "shell", "Scales": "shell", "Shell": "shell", "Trace": "trace",
-    "extract": "signals", "fit": "calibration", "load": "calibration", "modes": "dynamics", "presets": "shell",
-    "simulate": "dynamics",
+    "extract": "signals", "fit": "calibration", "invert": "inversion", "load": "calibration", "modes": "dynamics",
+    "presets": "shell", "simulate": "dynamics",
 }  # fmt: skip
 _CALLED = {"fit": "fit_trajectories"}  # where a room has another name for it
 

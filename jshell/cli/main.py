@@ -33,6 +33,10 @@ VERBS = {
         "Measure a film of a shell: height and width in time, with errors; with --analyse, its frequencies.",
     ),
     "fit": ("fits", "Fit the short model's constants."),
+    "invert": (
+        "inversion",
+        "Invert ring-downs: modulus, gas, pad, … of the shell, by the simulator's own vibrations.",
+    ),
     "show": ("fits", "Show a saved fit: its report and its picture, without fitting again."),
     "frequencies": (
         "statics",

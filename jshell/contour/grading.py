@@ -62,11 +62,11 @@ def even_shares(
     if shape.edge is None:
         targets = fractions * share[-1]
     else:
-        at_edge = jnp.interp(jnp.pi - shape.attached, everywhere, share)
+        at_edge = jnp.interp(shape.nodes[shape.edge], everywhere, share)
         k = jnp.arange(shape.elements + 1)
         moving = k / shape.edge * at_edge
         held = share[-1] - (shape.elements - k) / (shape.elements - shape.edge) * (share[-1] - at_edge)
         targets = jnp.where(k < shape.edge, moving, held)
     breaks = jnp.interp(targets, share, everywhere)
     breaks = breaks.at[0].set(0.0).at[-1].set(jnp.pi)
-    return breaks if shape.edge is None else breaks.at[shape.edge].set(jnp.pi - shape.attached)
+    return breaks if shape.edge is None else breaks.at[shape.edge].set(shape.nodes[shape.edge])

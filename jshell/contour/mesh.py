@@ -10,6 +10,7 @@ Valid for  neighbouring elements of like lengths where the liquid is computed: r
 Source     the curve and its parameter: Mokbel et al. 2021, numerical method
 """
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -17,6 +18,7 @@ from jaxtyping import Array, Float
 from jshell.contour.curve import Meridian, Near
 from jshell.contour.splines import ORDER, Numbers, ParitySplines, local_splines
 from jshell.errors import BadValue
+from jshell.shell.elasticity import Scalar
 from jshell.sizes import limited
 
 POINTS = 5  # Gauss points per element: a quintic's curvature squared is integrated to rounding
@@ -81,8 +83,28 @@ def regrade(shape: Meridian, breaks: Float[Array, "nodes"]) -> Meridian:
         breaks: (elements + 1,) breakpoints [rad], increasing from 0 to π; the edge of a pad stays where it is.
     """
     if shape.edge is not None:
-        breaks = breaks.at[shape.edge].set(np.pi - shape.attached)
+        breaks = breaks.at[shape.edge].set(shape.nodes[shape.edge])
     return _build(breaks, shape.attached, shape.edge)
+
+
+def with_pad(shape: Meridian, angle: Scalar, nodes: Float[Array, "nodes"] | None = None) -> Meridian:
+    """The same discretisation held by a pad of another size, its nodes stretched along; differentiable in the angle.
+
+    The number of elements on the pad stays, and so does the static `attached`, which is then nominal: the size is
+    that of `nodes[edge]`.
+
+    Args:
+        shape: Any meridian; a free one has no pad to change.
+        angle: Half-angle of the pad [rad]; may be traced.
+        nodes: Nodes to stretch instead of the shape's own [rad].
+    """
+    old = jax.lax.stop_gradient(shape.nodes if nodes is None else nodes)
+    if shape.edge is None:
+        return _build(old, shape.attached, None)
+    place = old[shape.edge]
+    free = old[: shape.edge] * ((jnp.pi - angle) / place)
+    held = jnp.pi - (jnp.pi - old[shape.edge :]) * (angle / (jnp.pi - place))
+    return _build(jnp.concatenate([free, held]), shape.attached, shape.edge)
 
 
 def carry(u: Float[Array, "before"], old: Meridian, new: Meridian) -> Float[Array, "coordinates"]:

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jshell.contour import area, breakpoints, carry, dimple, meridian, regrade, rim_breaks, transfer
+from jshell.contour import area, breakpoints, carry, dimple, meridian, regrade, rim_breaks, transfer, with_pad
 from jshell.contour import volume as volume_of
 from jshell.contour.mesh import fit
 from jshell.errors import BadValue
@@ -127,3 +127,17 @@ def test_volume_and_area_of_a_spheroid_converge_at_twice_the_order_of_slopes():
 def test_breakpoints_that_are_none_are_refused(breaks):
     with pytest.raises(BadValue, match="breaks"):
         meridian(ELEMENTS, breaks=breaks)
+
+
+@pytest.mark.parametrize("angle", [0.2, 0.41])
+def test_a_pad_of_another_size_is_a_mesh_built_for_it(angle):
+    shape = with_pad(meridian(16, 0.3), angle)
+    even = meridian(16, angle)
+    assert shape.edge == even.edge
+    np.testing.assert_allclose(shape.nodes, even.nodes, atol=1e-14)
+    np.testing.assert_allclose(shape.sphere, even.sphere, atol=1e-12)
+    np.testing.assert_allclose(shape.near.x_slope, even.near.x_slope, atol=1e-10)
+
+
+def test_a_free_mesh_has_no_pad_to_change():
+    np.testing.assert_array_equal(with_pad(meridian(16), 0.3).nodes, meridian(16).nodes)

@@ -1,0 +1,99 @@
+"""`jshell invert`: what shell recordings are of, by the simulator."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+import jshell
+from jshell.calibration.option_texts import read_texts
+from jshell.cli.destinations import Picture, drawable
+from jshell.cli.output import Json, finish, log, say, speaking
+from jshell.cli.reading import takes_reading
+from jshell.errors import BadValue
+
+FREE = (-np.inf, np.inf)
+
+
+@speaking
+@takes_reading
+def invert(
+    files: Annotated[list[Path], typer.Argument(help="Ring-downs of one shell (text, .xlsx, .json, .nc, .mat, …).")],
+    reading: Any = None,
+    unknown: Annotated[
+        list[str] | None,
+        typer.Option(help="youngs_modulus,gas_pressure,…: what is asked; may be repeated."),
+    ] = None,
+    known: Annotated[
+        list[str] | None, typer.Option(help="NAME=VALUE [SI, or without units], over the header's; may be repeated.")
+    ] = None,
+    prior: Annotated[list[str] | None, typer.Option(help="NAME=MEAN:ERROR of an unknown; may be repeated.")] = None,
+    bounds: Annotated[list[str] | None, typer.Option(help="NAME=LOW:HIGH of an unknown; may be repeated.")] = None,
+    local: Annotated[list[str] | None, typer.Option(help="Unknowns that every file has for itself.")] = None,
+    meta: Annotated[Path | None, typer.Option(help="Conditions (JSON) for files without them.")] = None,
+    channels: Annotated[str | None, typer.Option(help="H,W,V,S,x_front,x_back: those to use.")] = None,
+    start: Annotated[float | None, typer.Option(help="Where the ring-down begins [s, or time unit].")] = None,
+    stop: Annotated[float | None, typer.Option(help="Where it ends [s, or time unit].")] = None,
+    free_rest: Annotated[bool, typer.Option(help="The values where channels rest are no data.")] = False,
+    nuisance: Annotated[
+        bool | None, typer.Option(help="Seek pad and weak spot too, from priors; by default with SI units.")
+    ] = None,
+    exact: Annotated[bool, typer.Option(help="Correct the answer to the exact liquid.")] = True,
+    elements: Annotated[int, typer.Option(help="Elements of the meridian.")] = 20,
+    profile: Annotated[bool, typer.Option(help="Asymmetric 95% intervals by profile likelihood.")] = False,
+    plot: Picture = None,
+    as_json: Json = False,
+) -> None:
+    """Invert ring-downs: modulus, gas, pad, … of the shell, by the simulator's own vibrations."""
+    drawable(plot)
+    asked = _asked(unknown or [], prior or [], bounds or [])
+    said = dict(_pair(text, "--known") for text in _split(known or []))
+    traces = [jshell.io.read_trace(file, meta=meta, **reading) for file in files]
+    found = jshell.invert(
+        traces, said, asked, local=tuple(_split(local or [])), start=start, stop=stop, free_rest=free_rest,
+        nuisance=nuisance, exact=exact, elements=elements,
+        channels=None if channels is None else tuple(_split([channels])),
+    )  # fmt: skip
+    profiles = found.profile() if profile else None
+    if plot is not None:
+        axes = jshell.plot.inversion(found)
+        jshell.plot.save(np.ravel(np.asarray(axes))[0].figure, plot)
+        log(f"wrote {plot}")
+    if as_json:
+        say(found.record() | ({} if profiles is None else {"profile": profiles.record()}))
+    else:
+        typer.echo(found.report())
+        if profiles is not None:
+            typer.echo(profiles.report())
+    finish(found.outcome, sound=not any(text.startswith("misfit") for text in found.warnings))
+
+
+def _split(texts: Sequence[str]) -> list[str]:
+    """Names or pairs, from options that may be repeated or hold several between commas."""
+    return [part.strip() for text in texts for part in text.split(",") if part.strip()]
+
+
+def _pair(text: str, place: str) -> tuple[str, float]:
+    name, _, value = text.partition("=")
+    try:
+        return name.strip(), float(value)
+    except ValueError:
+        raise BadValue(
+            place, found=repr(text), expected="NAME=NUMBER", remedy=f"Write {place} thickness=5e-3"
+        ) from None
+
+
+def _asked(unknown: Sequence[str], prior: Sequence[str], bounds: Sequence[str]) -> dict[str, Any]:
+    """The unknowns with what is known of them."""
+    priors = read_texts("priors", _split(prior), "--prior")
+    spans = read_texts("bounds", _split(bounds), "--bounds")
+    finite = lambda x: None if np.isinf(x) else float(x)  # noqa: E731
+    names = dict.fromkeys([*_split(unknown), *priors, *spans])
+    return {
+        name: jshell.inversion.Unknown(
+            finite(spans.get(name, FREE)[0]), finite(spans.get(name, FREE)[1]), priors.get(name)
+        )
+        for name in names
+    }

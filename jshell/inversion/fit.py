@@ -1,0 +1,219 @@
+"""The door: what shell a recording is of.
+
+The simulator's small vibrations are fitted to ring-downs. While searching the liquid is taken to second order of its
+layer; at the end its rates and shapes are corrected to those of the exact liquid, until the answer rests.
+
+Symbols    s rates   φ changes of the channels along the modes   u what the solver sees of the unknowns
+Valid for  the ring-down, small vibrations; axial symmetry
+Source     variable projection: Golub & Pereyra 1973
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from jshell.calibration import Prior
+from jshell.calibration.noise import Noise
+from jshell.errors import NotOk, Outcome
+from jshell.inversion.exact import corrected
+from jshell.inversion.model import ELEMENTS, Model, Weighing
+from jshell.inversion.noise import described, examined, first_weighing, misfits, reweighed
+from jshell.inversion.recording import Recording, recording
+from jshell.inversion.response import MODES
+from jshell.inversion.result import Inversion, drawn_up
+from jshell.inversion.search import Ending, information, minimise
+from jshell.inversion.starts import starts
+from jshell.inversion.unknowns import SI, Unknown, space
+from jshell.trace import Trace
+
+PAD, SPOT = 0.02, 0.1  # what is known of a pad [rad] and of a weak spot [-] that nothing is said of
+FIRST_STEPS = 14  # of a start that is one of several
+HEARD = 20.0  # of χ², that a further mode must take: two amplitudes fitted to noise take 2
+ROUNDS = 5  # of noise and minimum
+NEAR = 9.0  # of χ²: two minima nearer than this cannot be told apart
+APART = 5.0  # standard errors between them that make them two
+
+
+def invert(
+    traces: Trace | Sequence[Trace],
+    known: Mapping[str, Any] | None = None,
+    unknown: Iterable[str] | Mapping[str, Any] = (),
+    *,
+    local: Iterable[str] = (),
+    channels: Sequence[str] | None = None,
+    start: float | int | None = None,
+    stop: float | int | None = None,
+    begin: Mapping[str, float] | None = None,
+    free_rest: bool = False,
+    nuisance: bool | None = None,
+    exact: bool = True,
+    elements: int = ELEMENTS,
+    throw: bool = False,
+) -> Inversion:
+    """What shell recordings are of: the simulator's small vibrations fitted to them.
+
+    Args:
+        traces: Ring-downs, one or several of one shell; with SI scales (or seconds and metres), or without units.
+        known: Numbers of the shell by name, in SI or without units as the traces; of several recordings a sequence
+            where they differ. What a trace's header says is known too, but for what is asked.
+        unknown: What is asked: names, or names with None, bounds (low, high), a `Prior` or an `Unknown`. In SI:
+            radius, thickness, youngs_modulus, gas_pressure, outer_pressure, density, viscosity; without units:
+            thickness, gas_pressure, outer_pressure, viscosity; in both kappa, poisson_ratio, pad (half-angle of the
+            holder, 0 is a free shell), weak_spot (relative loss of thickness at the buckling pole).
+        local: Unknowns that every recording has for itself, such as outer_pressure.
+        channels: Of H, W, V, S, x_front, x_back; by default the first four that are recorded.
+        start, stop: Window [s, or time unit]; by default from half a slow period after the dip of a snap.
+        begin: Values to begin at instead of those that the recordings themselves suggest.
+        free_rest: The values where channels rest are no data: of a camera whose scale or zero is not known.
+        nuisance: What no laboratory knows exactly is sought too, from priors: a pad of the header to 0.02 rad, a weak
+            spot of 0 ± 0.1, unless `known` or `unknown` say more. By default of records with SI units.
+        exact: Correct the answer to the exact liquid.
+        elements: Of the meridian.
+        throw: Raise `NotOk` unless the outcome is ok.
+
+    Returns:
+        Estimates with intervals. A fit that did not come to rest, and unknowns that the recordings do not determine,
+        have no numbers; `free_directions` says what is determined.
+
+    Raises:
+        BadName: No such number or channel.
+        BadValue: Nothing asked, or something neither known nor asked.
+        UnusableData: A record too short, or without an oscillation.
+
+    Example:
+        >>> import jshell as js
+        >>> trace = js.io.example("attached_R_HW")  # doctest: +SKIP
+        >>> print(js.invert(trace, unknown=("youngs_modulus", "gas_pressure")))  # doctest: +SKIP
+    """
+    listed = [traces] if isinstance(traces, Trace) else list(traces)
+    asked = unknown if isinstance(unknown, Mapping) else tuple([unknown] if isinstance(unknown, str) else unknown)
+    given = _per_recording(known or {}, len(listed))
+    si = _in_si(listed, {*asked, *given[0]})
+    asked = dict(asked) if isinstance(asked, Mapping) else dict.fromkeys(asked)
+    records = tuple(recording(one, k, channels, start, stop, si) for k, one in enumerate(listed, 1))
+    if asked and (si if nuisance is None else nuisance):
+        asked |= {n: w for n, w in nuisances(records).items() if n not in asked and n not in given[0]}
+    whole = space([{**one.known, **said} for one, said in zip(records, given, strict=True)], asked, tuple(local), si)
+    model = Model(records, whole, elements)
+    weighings = [first_weighing(one, tuple(range(_shown(one))), free_rest) for one in records]
+
+    begun = starts(records, whole) if begin is None else whole.to_u(np.array([[begin[n] for n in whole.names]]))
+    endings = _from_starts(model, begun, weighings)
+    if endings[0].outcome not in (Outcome.OK, Outcome.AT_BOUND):
+        return _finished(drawn_up(model, endings[0], endings, weighings, (), (), ()), throw)
+    best, weighings, noises = _settled(model, endings[0], weighings)
+    notes = []
+    if exact:
+        best, weighings, note = corrected(model, best, weighings, _again)
+        noises = examined(model, best.lefts, weighings)
+        notes.append(note)
+    rivals = _rivals(model, best, endings, weighings)
+    warnings = misfits(model, best.lefts, noises)
+    return _finished(drawn_up(model, best, endings, weighings, noises, notes, warnings, rivals), throw)
+
+
+def nuisances(records: Sequence[Recording]) -> dict[str, Unknown]:
+    """What is taken as known to its prior only."""
+    pads = {one.known.get("pad", 0.0) for one in records}
+    found = {"weak_spot": Unknown(prior=Prior(0.0, SPOT), nuisance=True)}
+    if len(pads) == 1 and (pad := pads.pop()) > 0:
+        found["pad"] = Unknown(0.5 * pad, 1.5 * pad, Prior(pad, PAD), nuisance=True)
+    return found
+
+
+def _finished(result: Inversion, throw: bool) -> Inversion:
+    if throw and result.outcome != Outcome.OK:
+        raise NotOk(result.title, result.outcome)
+    return result
+
+
+def _per_recording(known: Mapping[str, Any], count: int) -> list[dict[str, float]]:
+    """What is said to be known, of every recording."""
+    pick = lambda value, k: float(np.broadcast_to(np.asarray(value, dtype=float), (count,))[k])  # noqa: E731
+    return [{name: pick(value, k) for name, value in known.items()} for k in range(count)]
+
+
+def _in_si(traces: Sequence[Trace], names: set[str]) -> bool:
+    """Whether the numbers have units: the traces have scales, or what is said of the shell has."""
+    if any(one.scales is not None for one in traces):
+        return True
+    return all(one.conditions is None for one in traces) and bool(names & (set(SI) - {"thickness"}) & _ONLY_SI)
+
+
+_ONLY_SI = {"radius", "youngs_modulus", "density"}
+
+
+def _shown(one: Recording) -> int:
+    """How many modes a recording shows."""
+    return {"one": 1, "two": 2}.get(one.verdict, 3)
+
+
+def _from_starts(model: Model, begun: np.ndarray, weighings: Sequence[Weighing]) -> list[Ending]:
+    """Where the starts end, the best first; a start whose end describes the recordings is the last that is tried."""
+    endings: list[Ending] = []
+    for k, u in enumerate(begun):
+        ending = minimise(model, u, weighings, max_steps=FIRST_STEPS if len(begun) > 1 else 40, legs=3)
+        endings.append(ending)
+        if k > 0 and np.isfinite(ending.cost) and described(model, min(endings, key=_rank).lefts):
+            break
+    return sorted(endings, key=_rank)
+
+
+def _rank(ending: Ending) -> float:
+    return ending.cost if np.isfinite(ending.cost) else np.inf
+
+
+def _settled(model: Model, best: Ending, weighings: list[Weighing]) -> tuple[Ending, list[Weighing], list[list[Noise]]]:
+    """The minimum with the noise that it leaves, and as many modes as that noise lets be heard."""
+    noises = examined(model, best.lefts, weighings)
+    for _ in range(ROUNDS):
+        weighings, steady = reweighed(model, best.lefts, weighings, noises)
+        best = _again(model, best, weighings)
+        best, weighings, grown = _more_modes(model, best, weighings)
+        noises = examined(model, best.lefts, weighings)
+        if steady and not grown:
+            break
+    return best, weighings, noises
+
+
+def _again(model: Model, best: Ending, weighings: Sequence[Weighing]) -> Ending:
+    """The minimum anew, from where it was; or the old one, where the new way led nowhere."""
+    found = minimise(model, best.u, weighings, max_steps=20, legs=2)
+    return replace(found, begun=best.begun) if found.outcome in (Outcome.OK, Outcome.AT_BOUND) else best
+
+
+def _more_modes(model: Model, best: Ending, weighings: list[Weighing]) -> tuple[Ending, list[Weighing], bool]:
+    """Another mode of the simulator for each recording that shows it above its noise."""
+    grown = False
+    for k, one in enumerate(model.recordings):
+        count = len(weighings[k].modes)
+        if count == MODES:
+            continue
+        richer = replace(weighings[k], modes=tuple(range(count + 1)))
+        with_it, outcome = model.left(k, best.u, best.near[k], richer)
+        plain, now = model.left(k, best.u, best.near[k], weighings[k])
+        if outcome != Outcome.OK or now != Outcome.OK:
+            continue
+        nyquist = np.pi / float(np.median(np.diff(one.times)))
+        reachable = float(model.modal(k, best.u, best.near[k])[0].rates[count].imag) < 0.8 * nyquist
+        if reachable and plain.residual @ plain.residual - with_it.residual @ with_it.residual > HEARD:
+            weighings = [*weighings[:k], richer, *weighings[k + 1 :]]
+            grown = True
+    return (_again(model, best, weighings) if grown else best), weighings, grown
+
+
+def _rivals(model: Model, best: Ending, endings: Sequence[Ending], weighings: Sequence[Weighing]) -> list[Ending]:
+    """Other minima that describe the recordings as well."""
+    found = []
+    weight = information(best)
+    for other in endings:
+        away = other.u - best.u
+        if not np.isfinite(other.cost) or away @ weight @ away < APART**2:
+            continue
+        again = minimise(model, other.u, weighings, max_steps=20, legs=2)
+        away = again.u - best.u
+        if again.outcome == Outcome.OK and again.cost < best.cost + NEAR and away @ weight @ away > APART**2:
+            found.append(again)
+    return found

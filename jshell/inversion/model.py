@@ -1,0 +1,165 @@
+"""What the simulator says of a recording at some values of the unknowns.
+
+Symbols    u what the solver sees of the unknowns   s rates   φ changes of the channels along the modes
+"""
+
+from dataclasses import dataclass, field
+
+import jax.numpy as jnp
+import numpy as np
+
+from jshell.errors import Outcome
+from jshell.inversion.projection import Left, Modal, left
+from jshell.inversion.recording import POWER, Recording
+from jshell.inversion.response import (
+    CHANNELS,
+    DIRECTIONS,
+    FIELDS,
+    Response,
+    Standing,
+    response_program,
+    standing_program,
+)
+from jshell.inversion.unknowns import Seen, Space
+
+ELEMENTS = 20
+
+
+@dataclass
+class Offset:
+    """A better simulator: the exact liquid, on a mesh without end.
+
+    Attributes:
+        rates, shapes: (modes,), (modes, channels) over those of the search.
+        rest: (channels,) added to the rest values.
+        doubt: (modes,), (modes, channels), (channels,) what may be wrong of the three, in their own units.
+    """
+
+    rates: np.ndarray
+    shapes: np.ndarray
+    rest: np.ndarray
+    doubt: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
+
+    def applied(self, modal: Modal) -> Modal:
+        """Modes as the better simulator has them."""
+        return Modal(modal.rates * self.rates, modal.shapes * self.shapes, modal.rest + self.rest)
+
+
+@dataclass
+class Weighing:
+    """How the residual of one recording is weighed.
+
+    Attributes:
+        modes: Which of the simulator's modes the recording is described by.
+        sigma: (channels,) standard errors.
+        memory: (channels, times) φ of the noise over the step to each sample.
+        offset: What a better simulator says over what this one does, or None.
+        free_rest: Rest values are no data.
+    """
+
+    modes: tuple[int, ...]
+    sigma: np.ndarray
+    memory: np.ndarray
+    offset: "Offset | None" = None
+    free_rest: bool = False
+
+
+@dataclass
+class Model:
+    """The simulator for a set of recordings.
+
+    Attributes:
+        recordings: What was recorded.
+        space: What is asked.
+        elements: Of the meridian.
+        calls: How often the simulator was asked.
+    """
+
+    recordings: tuple[Recording, ...]
+    space: Space
+    elements: int = ELEMENTS
+    calls: int = field(default=0)
+
+    def seen(self, k: int, u: np.ndarray) -> tuple[Seen, list[int]]:
+        """The numbers of recording k at u, and which unknowns are among them."""
+        values, mine = self.space.of(k, self.space.to_values(u))
+        return Seen(values, self.space.si), mine
+
+    def standing(self, u: np.ndarray, elements: int | None = None) -> list[Standing]:
+        """The shell of every recording at rest, on nodes of its own."""
+        size = elements or self.elements
+        found = []
+        for k in range(len(self.recordings)):
+            seen, _ = self.seen(k, u)
+            self.calls += 1
+            found.append(standing_program(size, seen.numbers[6] > 0)(jnp.asarray(seen.numbers)))
+        return found
+
+    def modal(
+        self, k: int, u: np.ndarray, near: Standing, liquid: str = "second", elements: int | None = None
+    ) -> tuple[Modal, Modal, np.ndarray]:
+        """All modes of recording k in the record's units, their derivatives by u, and how finding each ended."""
+        seen, mine = self.seen(k, u)
+        slopes = [seen.slope(self.space.names[i].partition("[")[0]) for i in mine]
+        program = response_program(elements or self.elements, seen.numbers[6] > 0, liquid)
+        changes = []
+        for at in range(0, max(len(mine), 1), DIRECTIONS):
+            tangents = np.zeros((DIRECTIONS, len(FIELDS)))
+            for row, (direction, _, _) in enumerate(slopes[at : at + DIRECTIONS]):
+                tangents[row] = direction
+            self.calls += 1
+            found, change = program(jnp.asarray(seen.numbers), jnp.asarray(tangents), near)
+            changes.append(change)
+            if liquid == "exact":
+                break
+        value = self._in_units(k, seen, found)
+        return value, self._slopes(k, seen, value, changes, slopes, mine), np.asarray(found.outcome).astype(int)
+
+    def _in_units(self, k: int, seen: Seen, found: Response) -> Modal:
+        pick, scale = self._channels(k, seen)
+        rates, shapes, rest = (np.asarray(part) for part in found[:3])
+        return Modal(rates / seen.time, shapes[:, pick] * scale, rest[pick] * scale)
+
+    def _channels(self, k: int, seen: Seen) -> tuple[list[int], np.ndarray]:
+        names = self.recordings[k].channels
+        return [CHANNELS.index(name) for name in names], np.array([seen.length ** POWER[name] for name in names])
+
+    def _slopes(self, k, seen: Seen, value: Modal, changes, slopes, mine) -> Modal:
+        size, names = len(self.space.names), self.recordings[k].channels
+        pick, scale = self._channels(k, seen)
+        powers = np.array([POWER[name] for name in names])
+        out = Modal(
+            np.zeros((size, *value.rates.shape), complex),
+            np.zeros((size, *value.shapes.shape), complex),
+            np.zeros((size, *value.rest.shape)),
+        )
+        if changes[0] is None:
+            return out
+        for row, (i, (_, time, length)) in enumerate(zip(mine, slopes, strict=True)):
+            part = [np.asarray(x)[row % DIRECTIONS] for x in changes[row // DIRECTIONS][:3]]
+            out.rates[i] = part[0] / seen.time - value.rates * time
+            out.shapes[i] = part[1][:, pick] * scale + value.shapes * powers * length
+            out.rest[i] = part[2][pick] * scale + value.rest * powers * length
+        return out
+
+    def left(self, k: int, u: np.ndarray, near: Standing, weighing: Weighing) -> tuple[Left, Outcome]:
+        """What the simulator leaves of recording k."""
+        modal, change, outcomes = self.modal(k, u, near)
+        one, chosen = self.recordings[k], list(weighing.modes)
+        outcome = Outcome(int(np.max(outcomes[chosen])))
+        if weighing.offset is not None:
+            offset = weighing.offset
+            change = change._replace(rates=change.rates * offset.rates, shapes=change.shapes * offset.shapes)
+            modal = offset.applied(modal)
+        picked = Modal(modal.rates[chosen], modal.shapes[chosen], modal.rest)
+        slopes = Modal(change.rates[:, chosen], change.shapes[:, chosen], change.rest)
+        if outcome != Outcome.OK or not np.all(np.isfinite(picked.rates)) or np.any(np.real(picked.rates) > 0):
+            nothing = np.full((one.values.size, u.size), np.nan)
+            return Left(
+                nothing[:, 0], nothing, nothing, nothing, picked.rates, one.values
+            ), outcome or Outcome.NOT_FINITE
+        elapsed = one.times - one.times[0]
+        return (
+            left(elapsed, one.values, 1 / weighing.sigma, weighing.memory, picked, slopes, weighing.free_rest),
+            outcome,
+        )

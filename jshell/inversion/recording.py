@@ -1,0 +1,213 @@
+"""A recording as an inversion reads it: times and channels in one system of units, what it shows of itself.
+
+What is asked is forgotten: a header that names the shell's modulus does not tell where to look for it.
+
+Symbols    Ω damped frequency   τ decay time
+"""
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from jshell.errors import BadName, BadValue, Outcome, UnusableData
+from jshell.inversion.response import CHANNELS
+from jshell.signals import dip, extract
+from jshell.trace import Trace
+
+POWER = {"H": 1, "W": 1, "V": 3, "S": 2, "x_front": 1, "x_back": 1}  # of length in each channel
+SNAP = 3.0  # a record that starts further off its rest than this many swings of its ring-down holds a snap
+SETTLING = 0.5  # periods after the dip that a ring-down begins
+FEWEST = 32
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One ring-down.
+
+    Attributes:
+        number: From 1.
+        channels: Their names.
+        times: (times,) inside the window [s, or time unit].
+        values: (channels, times) [m, m², m³, or by powers of R0].
+        sigma: (channels,) known standard errors, or None.
+        noise: (channels,) the noise that it shows itself.
+        level: (channels,) where it settles.
+        Omega, tau: The frequencies that it shows, and their decay time.
+        verdict: What `jshell.signals` says of it.
+        known: What its header says of the shell.
+        si: In SI.
+        trace: The trace.
+    """
+
+    number: int
+    channels: tuple[str, ...]
+    times: np.ndarray
+    values: np.ndarray
+    sigma: np.ndarray | None
+    noise: np.ndarray
+    level: np.ndarray
+    Omega: np.ndarray
+    tau: float
+    verdict: str
+    known: Mapping[str, float]
+    si: bool
+    trace: Trace
+
+
+def recording(
+    trace: Trace,
+    number: int,
+    channels: Sequence[str] | None,
+    start: float | int | None,
+    stop: float | int | None,
+    si: bool,
+) -> Recording:
+    """A trace as an inversion reads it.
+
+    Args:
+        trace: The trace; of a laboratory with its scales, or in seconds and metres, or without units.
+        number: From 1.
+        channels: Those to use; by default all that the simulator knows.
+        start, stop: Window [s, or time unit]; by default from half a slow period after the dip of a snap.
+        si: The numbers asked for are in SI.
+
+    Raises:
+        BadName: A channel that the simulator has not, or none.
+        UnusableData: Too few samples, or nothing that oscillates.
+    """
+    # the opposite pole does not move where a pad holds it, and is a matter of the camera's origin where none does
+    listed = tuple(channels or (name for name in CHANNELS[:4] if name in trace.channels))
+    for name in listed:
+        if name not in CHANNELS or name not in trace.channels:
+            raise BadName(
+                f"channel {name!r}",
+                found="no such channel",
+                expected="one of " + ", ".join(CHANNELS),
+                remedy="Choose one.",
+            )
+    if not listed:
+        raise BadName(
+            f"trace {number}", found="channels " + ", ".join(trace.channels), expected="one of " + ", ".join(CHANNELS),
+            remedy="Name the columns by what they are.",
+        )  # fmt: skip
+    time, length = _units(trace, si)
+    times = np.asarray(trace.times, dtype=float) * time
+    factor = np.array([length ** POWER[name] for name in listed])
+    values = np.stack([np.asarray(trace[name], dtype=float) for name in listed]) * factor[:, None]
+    if not np.all(np.isfinite(values)):
+        raise BadValue(
+            f"trace {number}", found="samples that are no numbers", expected="numbers", remedy="Cut them out."
+        )
+    low = times[0] if start is None else float(start)
+    inside = (times >= low) & (times <= (np.inf if stop is None else float(stop)))
+    plain = Trace(times[inside], dict(zip(listed, values[:, inside], strict=True)))
+    if plain.times.size < FEWEST:
+        raise UnusableData(
+            f"trace {number}",
+            found=f"{plain.times.size} samples",
+            expected=f"at least {FEWEST}",
+            remedy="Widen the window.",
+        )
+    if start is None:
+        begin = _ring_down(plain, listed)
+        plain = plain if begin is None else plain.between(begin, None)
+    seen = _seen(plain, listed, number)
+    values = np.stack([np.asarray(plain[name]) for name in listed])
+    sigma = None
+    if all(name in trace.sigma for name in listed):
+        sigma = np.array([float(np.median(np.asarray(trace.sigma[name]))) for name in listed]) * factor
+    known = _header(trace, si)
+    return Recording(
+        number, listed, np.asarray(plain.times), values, sigma, _rough_noise(values),
+        seen.level, seen.Omega, seen.tau, seen.verdict, known, si, trace,
+    )  # fmt: skip
+
+
+def _units(trace: Trace, si: bool) -> tuple[float, float]:
+    if trace.scales is not None and si:
+        return float(trace.scales.time), float(trace.scales.length)
+    return 1.0, 1.0
+
+
+def _header(trace: Trace, si: bool) -> dict[str, float]:
+    """The shell of the header, by the names of unknowns."""
+    c = trace.conditions
+    pad = {"pad": trace.attached} if trace.attached else {}
+    if c is None:
+        return pad
+    shape = {"kappa": float(c.kappa), "poisson_ratio": float(c.poisson_ratio)} | pad
+    if not si:
+        names = ("thickness", "gas_pressure", "outer_pressure", "viscosity")
+        return {name: float(getattr(c, name)) for name in names} | shape
+    assert trace.scales is not None
+    shell, gas, liquid, load = c.to_si(trace.scales)
+    return {
+        "radius": float(shell.radius),
+        "thickness": float(shell.thickness),
+        "youngs_modulus": float(shell.youngs_modulus),
+        "gas_pressure": float(gas.pressure),
+        "outer_pressure": float(load.pressure),
+        "density": float(liquid.density),
+        "viscosity": float(liquid.viscosity),
+    } | shape
+
+
+class _Seen(NamedTuple):
+    """What a window shows of itself."""
+
+    Omega: np.ndarray
+    tau: float
+    level: np.ndarray
+    verdict: str
+
+
+def _seen(trace: Trace, names: Sequence[str], number: int) -> _Seen:
+    """The frequencies of a window, or its pitch alone where free sinusoids did not come to rest."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        found = extract(trace, names, start=float(trace.times[0]))
+    verdict = found.verdict or "misfit"
+    if found.fits:
+        best = found.fits[min({"one": 1, "two": 2}.get(verdict, 3), len(found.fits)) - 1]
+        return _Seen(best.Omega, best.tau, np.array([found.offsets[name] for name in names]), verdict)
+    if found.outcome == Outcome.UNUSABLE_DATA:
+        raise UnusableData(
+            f"trace {number}", found=found.reason or "nothing that oscillates", expected="a ring-down",
+            remedy="Give the window of the ring-down by start and stop.",
+        )  # fmt: skip
+    times, late = np.asarray(trace.times), slice(-max(1, trace.times.size // 5), None)
+    level = np.array([float(np.mean(np.asarray(trace[name])[late])) for name in names])
+    return _Seen(np.array([_pitch(times, np.asarray(trace[names[0]]))]), (times[-1] - times[0]) / 4, level, verdict)
+
+
+def _ring_down(trace: Trace, names: Sequence[str]) -> float | None:
+    """When the ring-down after a snap begins; None where the record holds no snap.
+
+    In units of the pitch that the later part of the record shows, since no other unit of time is known yet.
+    """
+    times, values = np.asarray(trace.times), np.asarray(trace[names[0]])
+    pitch = _pitch(times, values)
+    scaled = Trace(times * pitch, {name: np.asarray(trace[name]) for name in names})
+    at = dip(scaled, names) / pitch
+    settled = float(np.mean(values[-max(1, values.size // 5) :]))
+    after = values[times > at + 2 * np.pi * SETTLING / pitch]
+    if after.size < FEWEST or abs(values[0] - settled) < SNAP * np.max(np.abs(after - settled)):
+        return None
+    return at + 2 * np.pi * SETTLING / pitch
+
+
+def _pitch(times: np.ndarray, values: np.ndarray) -> float:
+    """Angular frequency that is strongest in the later three fifths of a record."""
+    late = values[2 * values.size // 5 :]
+    line = np.polynomial.Polynomial.fit(np.arange(late.size), late, 1)(np.arange(late.size))
+    power = np.abs(np.fft.rfft((late - line) * np.hanning(late.size), 4 * late.size)) ** 2
+    return 2 * np.pi * float(max(np.argmax(power), 4)) / (4 * late.size * float(np.median(np.diff(times))))
+
+
+def _rough_noise(values: np.ndarray) -> np.ndarray:
+    """What six differences leave of each channel: white noise whole, slow motion not at all."""
+    rough = np.diff(values, 6, axis=1) / np.sqrt(924)
+    return np.sqrt(np.mean(rough**2, axis=1))

@@ -1,0 +1,165 @@
+"""How a shell at rest rings: rates, how each mode moves every channel, and where the channels rest; with derivatives.
+
+One compiled program serves every shell that has as many elements and a pad or none: thickness, pressures, viscosity,
+exponents, the pad's size and the weak spot are its arguments. What the program has found carries its derivative
+by the implicit function theorem, the pad's by nodes that stretch along with it.
+
+Symbols    s = -1/τ + iΩ rate [1/time]   φ change of a channel along a mode   θ* angle of an extremum [rad]
+Valid for  small vibrations; liquid `second`: η̂ < 0.03, `exact`: any
+Source     `jshell.membrane.equilibrium` for the rest shape, `jshell.dynamics.roots` for the rates
+"""
+
+from collections.abc import Callable
+from functools import lru_cache, partial
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Complex, Float
+
+from jshell.contour import Meridian, area, thinned, volume, with_pad
+from jshell.contour.splines import ParitySplines
+from jshell.dynamics.modes import RESIDUAL
+from jshell.dynamics.roots import matrices, roots
+from jshell.errors import Outcome
+from jshell.membrane import stiffness, wall
+from jshell.membrane.equilibrium import RestShape, cached_meridian, find, settle
+from jshell.membrane.newton import pinned, pinned_energy
+from jshell.shell.parameters import Reduced
+
+FIELDS = (
+    "thickness", "gas_pressure", "outer_pressure", "viscosity", "kappa", "poisson_ratio", "pad", "weak_spot",
+)  # fmt: skip
+CHANNELS = ("H", "W", "V", "S", "x_front", "x_back")
+MODES = 4
+DIRECTIONS = 4  # tangents that one call carries
+NOMINAL_PAD = 0.3  # [rad]; a mesh with a pad is made for this size and stretched to the one asked for
+SPOT_WIDTH = 0.35  # [rad]
+QUICKLY = {"xla_backend_optimization_level": 1}  # runs as fast, compiles sooner
+AT_EXTREMUM = 4  # Newton steps to an extremum of a spline
+
+
+class Response(NamedTuple):
+    """Rates (modes,), changes of the channels along them (modes, channels), rest values (channels,), outcomes (modes,).
+
+    Of tangents the same with one leading axis.
+    """
+
+    rates: Any
+    shapes: Any
+    rest: Any
+    outcome: Any
+
+
+@lru_cache(maxsize=8)
+def mesh(elements: int, held: bool) -> Meridian:
+    """The discretisation that a program is made for."""
+    return cached_meridian(elements, NOMINAL_PAD if held else 0.0)
+
+
+def conditions_of(numbers: Float[Array, "fields"]) -> Reduced:
+    """The problem among the arguments."""
+    return Reduced(*(numbers[k] for k in range(6)))
+
+
+class Standing(NamedTuple):
+    """Where a response is sought from: nodes, how a shape on them differs from the sphere, how finding it ended."""
+
+    nodes: Float[Array, "nodes"]
+    displacement: Float[Array, "coordinates"]
+    outcome: Array
+
+
+@lru_cache(maxsize=8)
+def standing_program(elements: int, held: bool) -> Callable[[Any], Standing]:
+    """Compiled: numbers (fields,) to a shell at rest on nodes that follow its rim."""
+    base = mesh(elements, held)
+
+    def standing(numbers):
+        spot = numbers[7], jnp.asarray(SPOT_WIDTH)
+        found = find(with_pad(base, numbers[6]), conditions_of(numbers), spot, "buckled", "current", None, True)
+        return Standing(found.meridian.nodes, found.coordinates - found.meridian.sphere, found.outcome)
+
+    return jax.jit(standing, compiler_options=QUICKLY)
+
+
+@lru_cache(maxsize=8)
+def response_program(elements: int, held: bool, liquid: str) -> Callable[..., tuple[Response, Response | None]]:
+    """Compiled: the response of a shell near another one, and its change along tangents; of the exact liquid without.
+
+    Its arguments are numbers (fields,), tangents (DIRECTIONS, fields) and a `Standing`. On given nodes it is a smooth
+    function, and its change is exact. A pad of another size stretches them.
+    """
+    base = mesh(elements, held)
+
+    def response(numbers, tangents, near):
+        at = partial(_response, near=near, base=base, liquid=liquid)
+        if liquid == "exact":
+            return at(numbers), None
+        push = lambda direction: jax.jvp(at, (numbers,), (direction,))  # noqa: E731
+        return jax.vmap(push, out_axes=(None, 0))(tangents)
+
+    return jax.jit(response, compiler_options=QUICKLY)
+
+
+def _response(numbers: Float[Array, "fields"], *, near: Standing, base: Meridian, liquid: str) -> Response:
+    conditions = conditions_of(numbers)
+    shape = with_pad(base, numbers[6], near.nodes)
+    profile = thinned(shape, numbers[7], jnp.asarray(SPOT_WIDTH))
+    rest = _at_rest(shape, conditions, profile, near)
+    parts = matrices(rest, conditions, liquid)
+    found = roots(parts, conditions.viscosity, MODES)
+    v = jnp.zeros((MODES, shape.sphere.shape[0]), complex).at[:, shape.active].set(found.vectors)
+    values, along = _channels(shape, rest.coordinates, v)
+    lost = ~(found.residual < RESIDUAL)
+    outcome = jnp.where(rest.outcome != Outcome.OK, rest.outcome, jnp.where(lost, Outcome.NOT_CONVERGED, Outcome.OK))
+    return Response(found.s, along, values, jax.lax.stop_gradient(outcome).astype(float))
+
+
+def _at_rest(shape: Meridian, conditions: Reduced, profile, near: Standing) -> RestShape:
+    """The rest shape on given nodes, with its derivative in conditions, wall and nodes."""
+    # displacements are carried along, so that what the pad holds stays on the sphere
+    start = shape.sphere + near.displacement
+    fixed = jax.lax.stop_gradient((shape, conditions, profile))
+    found = settle(*fixed, jax.lax.stop_gradient(start), "buckled", "current")
+    begun = shape.sphere + jax.lax.stop_gradient(found.coordinates - shape.sphere)
+    K = pinned(fixed[0], stiffness(fixed[0], found.coordinates, wall(*fixed), fixed[1], "current"))
+    slope = shape.free(jax.grad(pinned_energy)(begun, shape, conditions, profile, "current"))
+    K = jnp.where(found.outcome == Outcome.OK, K, jnp.eye(K.shape[0]))
+    q = begun.at[shape.active].add(-jnp.linalg.solve(jax.lax.stop_gradient(K), slope))
+    return eqx.tree_at(lambda s: (s.coordinates, s.meridian, s.profile), found, (q, shape, profile))
+
+
+def _channels(
+    shape: Meridian, q: Float[Array, "coordinates"], v: Complex[Array, "modes coordinates"]
+) -> tuple[Float[Array, "channels"], Complex[Array, "modes channels"]]:
+    """Every channel at rest, and its change along each mode."""
+    (qx, qr), vx, vr = shape.split(q), v[:, : shape.x_size], v[:, shape.x_size :]
+    front, back = shape.x_nodes[0], shape.x_nodes[-1]
+    # the lowest place is the pole opposite to the dimple
+    top = _highest(ParitySplines(shape.nodes, "even", shape.edge), shape.x_nodes, qx)
+    wide = _highest(ParitySplines(shape.nodes, "odd", shape.edge), shape.r_nodes, qr)
+    V, dV = jax.value_and_grad(lambda q: volume(shape, q))(q)
+    S, dS = jax.value_and_grad(lambda q: area(shape, q))(q)
+    values = jnp.stack([(top - back) @ qx, 2 * wide @ qr, V, S, front @ qx, back @ qx])
+    along = [vx @ (top - back), 2 * vr @ wide, v @ dV, v @ dS, vx @ front, vx @ back]
+    return values, jnp.stack(along, axis=1)
+
+
+def _highest(splines: ParitySplines, at_nodes, coefficients: Float[Array, "size"]) -> Float[Array, "size"]:
+    """Values of all basis functions where their sum is largest."""
+    nodes = jax.lax.stop_gradient(splines.breaks)
+    fixed = jax.lax.stop_gradient(coefficients)
+    k = jnp.argmax(at_nodes @ fixed)
+    low, high = nodes[jnp.maximum(k - 1, 0)], nodes[jnp.minimum(k + 1, nodes.shape[0] - 1)]
+
+    def step(_, theta):
+        slope, bend = (jax.lax.stop_gradient(splines(theta, order)) @ fixed for order in (1, 2))
+        return jnp.clip(theta - slope / jnp.where(bend < 0, bend, -1.0), low, high)
+
+    theta = jax.lax.fori_loop(0, AT_EXTREMUM, step, nodes[k])
+    bend = jax.lax.stop_gradient(splines(theta, 2)) @ fixed
+    # the step carries the derivative of the place, where the change along a mode needs it
+    moved = (splines(theta, 1) @ coefficients) / jnp.where(bend < 0, bend, -1.0)
+    return jnp.asarray(splines(theta - jnp.where((theta > low) & (theta < high), moved, 0.0)))

@@ -1,0 +1,163 @@
+"""The door, on a stand-in that needs no compilation; the simulator itself in `test_simulator`."""
+
+import numpy as np
+import pytest
+
+import jshell as js
+from jshell.calibration import Prior
+from jshell.errors import Outcome, UnusableData
+
+TRUTH = {"youngs_modulus": 0.5e6, "gas_pressure": 0.5e6 * 0.15}
+
+pytestmark = pytest.mark.usefixtures("no_compilation")
+
+
+def invert(trace, unknown, **options):
+    return js.invert(trace, unknown=unknown, **{"exact": False, "nuisance": False} | options)
+
+
+def test_modulus_and_gas_come_out_of_height_and_width(make_recording):
+    found = invert(make_recording(), tuple(TRUTH))
+    assert found.outcome == Outcome.OK
+    assert found.warnings == ()
+    for name, value in TRUTH.items():
+        assert abs(found[name].value - value) < 3.5 * found[name].stderr
+        assert found[name].stderr < 0.05 * value
+    assert 0.8 < found.reduced_chi_square < 1.2
+    assert "youngs_modulus" in found.report()
+    assert "Pa" in repr(found)
+    assert found.record()["units"] == {"youngs_modulus": "Pa", "gas_pressure": "Pa"}
+
+
+def test_the_header_is_forgotten_where_it_is_asked(make_recording):
+    trace = make_recording()
+    # the same record with scales that another modulus would have: times and lengths are those of the laboratory
+    factor = 4.0
+    unit = js.shell.Scales(trace.scales.length, trace.scales.pressure * factor, trace.scales.density)
+    c = trace.conditions.replace(
+        gas_pressure=trace.conditions.gas_pressure / factor, outer_pressure=trace.conditions.outer_pressure / factor,
+        viscosity=trace.conditions.viscosity / factor**0.5,
+    )  # fmt: skip
+    told = js.Trace(trace.times * factor**0.5, trace.channels, c, scales=unit, settings=trace.settings)
+    one, other = invert(trace, tuple(TRUTH)), invert(told, tuple(TRUTH))
+    assert told.scales.time * told.times[-1] == pytest.approx(trace.scales.time * trace.times[-1])
+    for name in TRUTH:
+        assert other[name].value == pytest.approx(one[name].value, rel=1e-5)
+
+
+def test_intervals_hold_the_truth_with_and_without_memory(make_recording):
+    held = []
+    for seed in range(4):
+        found = invert(make_recording(seed=seed, memory=0.9 * (seed % 2)), tuple(TRUTH))
+        assert found.outcome == Outcome.OK
+        assert all((one.memory > 0.5) == bool(seed % 2) for one in found.noise)
+        held += [low <= TRUTH[n] <= high for n in TRUTH for low, high in [found.interval(n)]]
+    assert np.mean(held) >= 6 / 8  # of 8 intervals of 95 % more than two fail once in two hundred times
+
+
+def test_profiles_of_a_sharp_minimum_are_the_intervals_of_the_covariance(make_recording):
+    found = invert(make_recording(), tuple(TRUTH))
+    profiles = found.profile()
+    for name in TRUTH:
+        low, high = found.interval(name)
+        assert profiles[name].low == pytest.approx(low, abs=0.05 * (high - low))
+        assert profiles[name].high == pytest.approx(high, abs=0.05 * (high - low))
+
+
+def test_several_recordings_share_what_they_share(make_recording):
+    traces = [make_recording(outer=outer, seed=k) for k, outer in enumerate((1.65, 1.8))]
+    found = invert(traces, ("youngs_modulus", "outer_pressure"), local=("outer_pressure",))
+    assert found.outcome == Outcome.OK
+    assert found.varied == ("youngs_modulus", "outer_pressure[1]", "outer_pressure[2]")
+    assert found["outer_pressure[2]"].value > found["outer_pressure[1]"].value
+    alone = invert(traces[0], ("youngs_modulus", "outer_pressure"))
+    assert found["youngs_modulus"].stderr < alone["youngs_modulus"].stderr
+
+
+def test_without_units_the_numbers_are_those_of_the_simulator(make_recording):
+    trace = make_recording()
+    plain = js.Trace(trace.times, trace.channels, trace.conditions, settings=trace.settings)
+    found = invert(plain, ("gas_pressure", "viscosity"))
+    assert found.outcome == Outcome.OK
+    assert found["gas_pressure"].value == pytest.approx(1.0, abs=4 * found["gas_pressure"].stderr)
+
+
+SETS = {
+    "modulus, radius and density without a length": (
+        ("youngs_modulus", "radius", "thickness", "gas_pressure", "density"), {"free_rest": True}),
+    "modulus and thickness and gas of one frequency": (
+        ("youngs_modulus", "thickness", "gas_pressure"), {"free_rest": True, "channels": ("H",), "size": (1, 0, 0)}),
+    "density and viscosity together with the modulus": (
+        ("density", "viscosity", "youngs_modulus", "outer_pressure", "gas_pressure"), {}),
+    "density, modulus and both pressures": (
+        ("density", "youngs_modulus", "gas_pressure", "outer_pressure", "viscosity"), {"channels": ("H",)}),
+    "both pressures and the modulus of one frequency": (
+        ("gas_pressure", "outer_pressure", "youngs_modulus"),
+        {"free_rest": True, "channels": ("H",), "size": (1, 0, 0)}),
+    "modulus and weak spot of one frequency": (
+        ("youngs_modulus", "weak_spot", "poisson_ratio"), {"free_rest": True, "channels": ("H",), "size": (1, 0, 0)}),
+    "density and radius without a length": (
+        ("density", "radius", "youngs_modulus"), {"free_rest": True, "channels": ("W",), "size": (1, 0, 0)}),
+    "pad and modulus and gas of one frequency": (
+        ("youngs_modulus", "pad", "gas_pressure"), {"free_rest": True, "channels": ("W",), "size": (1, 0, 0)}),
+    "exponent and gas and modulus of one frequency": (
+        ("kappa", "gas_pressure", "youngs_modulus"), {"free_rest": True, "channels": ("H",), "size": (1, 0, 0)}),
+    "everything of one record": (
+        ("radius", "thickness", "youngs_modulus", "gas_pressure", "outer_pressure", "density", "viscosity"), {}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SETS)
+def test_what_cannot_be_known_is_said_with_its_direction(name, make_recording):
+    unknown, options = SETS[name]
+    made = {k: v for k, v in options.items() if k in ("channels", "size")}
+    found = invert(make_recording(**made), unknown, free_rest=options.get("free_rest", False))
+    assert found.outcome == Outcome.RANK_DEFICIENT, found.report()
+    assert found.free_directions
+    assert any(one.undetermined for one in found.estimates)
+    for text in found.free_directions:
+        assert "would s" in text  # what would settle or separate it
+    with pytest.raises(js.NotOk):
+        found.require_ok()
+
+
+def test_a_prior_settles_what_the_record_leaves_open(make_recording):
+    trace = make_recording(channels=("H",), size=(1, 0, 0))
+    asked = {"youngs_modulus": None, "viscosity": None, "thickness": Prior(0.15 * 0.02, 0.02 * 0.15 * 0.02)}
+    found = invert(trace, asked)
+    assert found.outcome == Outcome.OK, found.report()
+    assert found["thickness"].stderr < 0.025 * 0.003
+
+
+def test_a_record_without_an_oscillation_is_refused(make_recording):
+    trace = make_recording()
+    still = js.Trace(trace.times, {"H": np.full(trace.times.size, 1.4)}, trace.conditions, scales=trace.scales)
+    with pytest.raises(UnusableData):
+        invert(still, ("youngs_modulus",))
+    with pytest.raises(UnusableData, match="samples"):
+        invert(trace, ("youngs_modulus",), stop=trace.times[10] * trace.scales.time)
+
+
+def test_what_no_laboratory_knows_is_sought_beside_what_is_asked(make_recording):
+    found = invert(make_recording(), tuple(TRUTH), nuisance=True)
+    assert found.outcome == Outcome.OK, found.report()
+    assert set(found.varied) == {*TRUTH, "pad", "weak_spot"}
+    sure = invert(make_recording(), tuple(TRUTH))
+    assert all(found[name].stderr > sure[name].stderr for name in TRUTH)
+    assert set(invert(make_recording(), tuple(TRUTH), known={"pad": 0.3}, nuisance=True).varied) == {
+        *TRUTH,
+        "weak_spot",
+    }
+
+
+def test_a_longer_record_and_another_pressure_would_tell_more(make_recording):
+    found = invert(make_recording(), tuple(TRUTH))
+    pressure = 1.7 * 0.5e6 * 0.15
+    same, more, other = found.next_recording([{}, {"samples": 1200}, {"outer_pressure": 1.1 * pressure}])
+    for name in TRUTH:
+        now = found[name].stderr / found[name].value
+        assert same.stderr[name] == pytest.approx(now / 2**0.5, rel=0.1)  # the same again halves the variance
+        assert more.stderr[name] == pytest.approx(now / 5**0.5, rel=0.1)  # four times as many samples beside the first
+        assert 0 < other.stderr[name] < now
+    with pytest.raises(js.JshellError, match="unknown"):
+        found.next_recording([{"gas_pressure": 1e5}])
