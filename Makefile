@@ -33,6 +33,7 @@ bench: $(STAMP)
 	$(BIN)/python benchmarks/oscillator.py
 	$(BIN)/python benchmarks/reading.py
 	$(BIN)/python benchmarks/service.py
+	$(BIN)/python benchmarks/gpu.py --small
 
 docs: $(STAMP)
 	$(BIN)/python docs/execute.py

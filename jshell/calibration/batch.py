@@ -31,13 +31,13 @@ from jshell.calibration.starts import find_modes, first_start
 from jshell.errors import BadName, BadValue
 from jshell.oscillator.simulate import SOLVERS
 from jshell.signals.lane_search import CONVERGED, RUNNING
+from jshell.signals.lanes import blocks_for, side_by_side
 from jshell.signals.pencil_batch import CELLS
 from jshell.trace import Trace
 
 ROUNDS = 12  # of seven steps
 HOPELESS = 256  # more records than this in one call get no single care
 _solve = eqx.filter_jit(solve_blocks)
-TOGETHER = 16  # blocks of one call
 
 Progress = Callable[[int, int], None]
 
@@ -206,7 +206,7 @@ class _Batch:
         padded = -(-length // 16) * 16
         cell = max(1, 2 ** int(np.log2(max(1, length // CELLS))))
         uneven = bucket.elapsed is not None
-        together = TOGETHER if size > 1 else 1
+        together = blocks_for(size)
         parts = []
         for at in range(0, chosen.size, size * together):
             mine = chosen[at : at + size * together]
@@ -214,7 +214,9 @@ class _Batch:
             rows = bucket.rows[lanes]
             used = -(-mine.size // size)
 
-            def side_by_side(values, lanes=lanes, used=used):
+            def blocks(values, lanes=lanes, used=used):
+                if together == 1:
+                    return side_by_side(values[lanes[0]], padded)[None]
                 whole = np.zeros((together, *values.shape[1:-1], padded, size))
                 for block in range(used):
                     whole[block, ..., :length, :] = np.moveaxis(values[lanes[block]], 0, -1)
@@ -222,7 +224,7 @@ class _Batch:
 
             numbers = [bucket.counts[lanes].astype(float), bucket.steps[lanes], *(x[rows] for x in self._numbers())]
             raw = BlockInput(
-                side_by_side(bucket.even if uneven else bucket.values),
+                blocks(bucket.even if uneven else bucket.values),
                 numbers[0],
                 numbers[1],
                 np.swapaxes(self.sigma[rows], 1, 2),
@@ -231,8 +233,8 @@ class _Batch:
                 numbers[4],
                 numbers[5],
                 numbers[6],
-                elapsed=side_by_side(bucket.elapsed) if uneven else None,
-                uneven=side_by_side(bucket.values) if uneven else None,
+                elapsed=blocks(bucket.elapsed) if uneven else None,
+                uneven=blocks(bucket.values) if uneven else None,
                 noise=None if bucket.noise is None else np.swapaxes(bucket.noise[lanes], 1, 2),
                 modal=self.modal,
                 volume_at=self.channels.index("V") if "V" in self.channels else 0,

@@ -26,6 +26,7 @@ from jshell.calibration.noise import (
 )
 from jshell.calibration.recordings import Bucket
 from jshell.signals.lane_search import CONVERGED
+from jshell.signals.lanes import side_by_side
 
 UNEVEN_SIZES = 2.5  # standard errors between the sizes in both halves, below which no test of ranks fails by COHERENT
 
@@ -114,7 +115,7 @@ def _blocks(run: Any, bucket: Bucket, chosen: np.ndarray) -> Iterator[tuple[np.n
         mine = np.arange(at, min(at + size, chosen.size))
         lanes = np.resize(chosen[mine], size)
         rows = bucket.rows[lanes]
-        wide = lambda x, lanes=lanes: _side_by_side(x[lanes], padded)  # noqa: E731
+        wide = lambda x, lanes=lanes: side_by_side(x[lanes], padded)  # noqa: E731
         volume, pressure = found.rest[:, rows]
         yield (
             mine,
@@ -131,13 +132,6 @@ def _blocks(run: Any, bucket: Bucket, chosen: np.ndarray) -> Iterator[tuple[np.n
                 run.modal,
             ),
         )
-
-
-def _side_by_side(values: np.ndarray, padded: int) -> np.ndarray:
-    """(records, …, times) as (…, times, records), the times padded with zeros."""
-    wide = np.zeros((*values.shape[1:-1], padded, values.shape[0]))
-    wide[..., : values.shape[-1], :] = np.moveaxis(values, 0, -1)
-    return wide
 
 
 def _residuals(run: Any, bucket: Bucket, chosen: np.ndarray) -> Left:
@@ -165,7 +159,7 @@ def _memories(run: Any, bucket: Bucket, chosen: np.ndarray, left: Left, free: np
         at = run.found.unknowns[:, rows], run.found.state[: -bucket.values.shape[1], rows], fitted
         mine_left = left.residual[some[mine]]
         if bucket.elapsed is None:
-            r = _side_by_side(np.resize(mine_left, (rows.size, *mine_left.shape[1:])), given.values.shape[1])
+            r = side_by_side(np.resize(mine_left, (rows.size, *mine_left.shape[1:])), given.values.shape[1])
             found = np.asarray(memory_of(*at, r, given)).T[: mine.size]
         else:
             found = _uneven_memories(np.asarray(columns(*at, given)), mine_left, bucket, chosen[some[mine]])
@@ -247,7 +241,7 @@ def _fit_again(run: Any, bucket: Bucket, chosen: np.ndarray, memory: np.ndarray)
         lanes = np.resize(mine, rows.size)
         box = (np.repeat(end[:, None], rows.size, 1) for end in (run.low, run.high))
         start = found.unknowns[:, rows]
-        steps = None if over is None else _side_by_side(over[lanes], padded)
+        steps = None if over is None else side_by_side(over[lanes], padded)
         moved, stayed = again(start, memory[lanes].T, steps, *box, given)
         moved, stayed = (Again(*(np.asarray(part)[..., : mine.size] for part in one)) for one in (moved, stayed))
         rows = rows[: mine.size]

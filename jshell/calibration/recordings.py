@@ -22,7 +22,7 @@ from jshell.oscillator.simulate import is_buckled
 from jshell.shell.parameters import Reduced
 from jshell.shell.rest import RestState, buckled_state
 from jshell.signals import MEASURED
-from jshell.signals.lanes import BLOCK
+from jshell.signals.lanes import lanes_for
 from jshell.signals.wave_sums import INNER
 from jshell.trace import Trace
 
@@ -110,9 +110,8 @@ class Bucket(NamedTuple):
 
     @property
     def lanes(self) -> int:
-        """Records of a block: fewer where they are long."""
-        length = self.values.shape[2]
-        return BLOCK if length <= 16384 else 8 if length <= 262144 else 1
+        """Records of a block."""
+        return lanes_for(self.rows.size, self.values.shape[2])
 
 
 def padded_length(count: int) -> int:

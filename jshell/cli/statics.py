@@ -318,7 +318,8 @@ def frequencies(
         numbers |= dict.fromkeys(buckled)
     if as_json:
         used = {"alpha1": constants.alpha1, "alpha2": constants.alpha2, "kVS": constants.k_vs}
-        say({**numbers, "outcome": outcome, "constants": used, "conditions": problem.record()})
+        hertz = {} if problem.scales is None else {"hertz": _in_hertz(numbers, float(problem.scales.time))}
+        say({**numbers, **hertz, "outcome": outcome, "constants": used, "conditions": problem.record()})
     else:
         words = {
             "omega_minus": "slow frequency ω−",
@@ -330,4 +331,14 @@ def frequencies(
             "omega_marmottant": "Marmottant's buckled law",
         }
         typer.echo(table([(words[key], value) for key, value in numbers.items()], ("short model", "value")))
+        if problem.scales is not None:
+            hertz = _in_hertz(numbers, float(problem.scales.time))
+            rows = [(words[key], value) for key, value in hertz.items()]
+            typer.echo(table(rows, ("undamped, ω/2π", "Hz")))
     finish(outcome)
+
+
+def _in_hertz(numbers: dict[str, Any], unit: float) -> dict[str, float | None]:
+    """The frequencies among them, intrinsic (undamped), in Hz; `unit` is the unit of time [s]."""
+    turns = 2 * np.pi * unit
+    return {key: None if x is None else float(x) / turns for key, x in numbers.items() if key.startswith("omega")}

@@ -17,7 +17,7 @@ from starlette.requests import Request
 import jshell
 from jshell.errors import JshellError
 from jshell.oscillator import SOURCE, decay_by_law
-from jshell.service import reduced, safety
+from jshell.service import reduced, safety, shape
 from jshell.service.api import health, jobs, simulate, traces
 from jshell.service.problems import KINDS, answer, render_errors
 from jshell.service.schemas import ProblemOut
@@ -93,6 +93,8 @@ def _warm() -> None:
     """Compile what the page of the short model needs before somebody waits for it."""
     reduced.answer(R.conditions, SOURCE)
     decay_by_law(R.conditions)
+    shape.answer(R.conditions)
+    shape.exact(R.conditions)
 
 
 def _described(app: FastAPI) -> dict[str, Any]:

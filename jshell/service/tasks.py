@@ -28,6 +28,7 @@ from jshell.oscillator import Coefficients
 from jshell.service import batches
 from jshell.service.archives import Content
 from jshell.service.log import trace_of
+from jshell.service.shape import rounded
 from jshell.service.shared_file import FileRef
 from jshell.shell import Reduced
 from jshell.trace import Trace
@@ -40,6 +41,7 @@ SIMULATOR = (
 MODES = ("liquid", "count", "elements", "attached")
 OSCILLATOR = ("duration", "every", "coefficients", "initial", "netcdf")
 Files = Sequence[tuple[str, Content]]
+FRAMES, ANGLES = 160, 61  # of a film, of an outline in it
 _USUAL = {"d_hat": 0.22, "P0_hat": 0.9, "Pext_hat": 1.6, "eta_hat": 0.004}
 
 
@@ -145,18 +147,34 @@ def simulate(specification: Mapping[str, Any], files: Files = ()) -> dict[str, b
     """Run a model.
 
     Returns:
-        `trace.json`, `trace.csv` and, unless `netcdf` is false, `trace.nc`; `jshell.io.read_trace` reads them.
+        `trace.json`, `trace.csv` and, unless `netcdf` is false, `trace.nc`; `jshell.io.read_trace` reads them. Of the
+        simulator without a tolerance `film.json`, its shapes in time.
 
     Raises:
         JshellError: As `jshell.dynamics.simulate` and `jshell.oscillator.simulate`.
     """
-    trace = motion(specification)
+    trace, film = motion(specification)
     names = ("trace.json", "trace.csv", *(("trace.nc",) if specification.get("netcdf", True) else ()))
-    return {name: bytes(io.encode_trace(name, trace).content) for name in names}
+    made = {name: bytes(io.encode_trace(name, trace).content) for name in names}
+    return made if film is None else made | {"film.json": _json(film)}
 
 
-def motion(specification: Mapping[str, Any]) -> Trace:
-    """The trace of a model: `model` is `simulator` (shell and liquid), or `oscillator` (the short model).
+def film_of(motion: dynamics.Motion) -> dict[str, Any]:
+    """A run as frames: times, and x and r of the meridian from pole to pole in each."""
+    samples = np.unique(np.linspace(0, len(motion.trace.times) - 1, FRAMES).astype(int))
+    shapes, _ = dynamics.meridians(motion, np.linspace(0.0, np.pi, ANGLES), samples=samples.tolist())
+    numbers = {"t": motion.trace.times, "V": motion.trace["V"], "P_ext": motion.trace["P_ext"]}
+    return {name: rounded(np.asarray(values)[samples]) for name, values in numbers.items()} | {
+        "thickness": float(motion.setup.conditions.thickness),
+        "x": [rounded(row) for row in shapes.x],
+        "r": [rounded(row) for row in shapes.r],
+    }
+
+
+def motion(specification: Mapping[str, Any]) -> tuple[Trace, dict[str, Any] | None]:
+    """The trace of a model, and its film where there is one.
+
+    `model` is `simulator` (shell and liquid), or `oscillator` (the short model).
 
     Raises:
         BadName: No such model, or an option that it does not have.
@@ -169,7 +187,11 @@ def motion(specification: Mapping[str, Any]) -> Trace:
     check_names(asked, SIMULATOR if model == "simulator" else OSCILLATOR)
     conditions = _conditions(given)
     if model == "simulator":
-        return dynamics.simulate(conditions, **asked)
+        if asked.get("tolerance") is not None:
+            return dynamics.simulate(conditions, **asked), None
+        asked.pop("tolerance", None)
+        run = dynamics.record(conditions, **asked)
+        return run.trace, film_of(run)
     duration, every = float(asked.get("duration", 70.0)), float(asked.get("every", 0.05))
     if not (0 < every <= duration and np.isfinite(duration)):
         raise BadValue(
@@ -178,7 +200,7 @@ def motion(specification: Mapping[str, Any]) -> Trace:
     coefficients = Coefficients(**asked["coefficients"]) if asked.get("coefficients") else oscillator.SOURCE
     initial = np.asarray(asked.get("initial", (0.02, 0.0, 0.0, 0.0)), dtype=float)
     times = every * np.arange(int(duration / every + 1e-9) + 1)
-    return oscillator.simulate(conditions, coefficients, initial=initial, times=times)
+    return oscillator.simulate(conditions, coefficients, initial=initial, times=times), None
 
 
 def modes(specification: Mapping[str, Any], files: Files = ()) -> dict[str, bytes]:
@@ -217,7 +239,7 @@ _TASKS: Mapping[str, Callable[[Mapping[str, Any], Files], dict[str, bytes]]] = {
 @functools.cache
 def _warm() -> None:
     """Compile what a usual fit needs, once a process: two channels, up to 512 samples."""
-    trace = motion({"model": "oscillator", "conditions": _USUAL, "duration": 40.0, "every": 0.1})
+    trace, _ = motion({"model": "oscillator", "conditions": _USUAL, "duration": 40.0, "every": 0.1})
     calibration.fit_trajectories(trace, "strict")
 
 

@@ -10,10 +10,42 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float
 
 BLOCK = 64  # records that go together: their data stay in the second-level cache
+TOGETHER = 16  # blocks of one call
+WIDE = 2**14  # on an accelerator, which wants thousands of records at once
+WIDE_NUMBERS = 2**23  # and samples of one channel that go together there: a few GB with all that is made of them
 SIXTH = 924.0  # variance of a sixth difference of white noise over the noise's own: (12 choose 6)
+
+
+def lanes_for(records: int, length: int) -> int:
+    """Records of a block: fewer where they are long; on an accelerator as many as its memory holds.
+
+    Args:
+        records: How many there are.
+        length: Padded samples of each.
+    """
+    if jax.default_backend() == "cpu":
+        return BLOCK if length <= 16384 else 8 if length <= 262144 else 1
+    most = min(WIDE, max(1, WIDE_NUMBERS // length))
+    return min(2 ** max(0, (records - 1).bit_length()), 2 ** (most.bit_length() - 1))
+
+
+def blocks_for(lanes: int) -> int:
+    """Blocks of one call: one where it holds a single long record, or all that an accelerator takes."""
+    return TOGETHER if lanes > 1 and jax.default_backend() == "cpu" else 1
+
+
+def side_by_side(values: Any, padded: int) -> Any:
+    """(records, …, times) as (…, times, records), the times padded with zeros; turned over on an accelerator itself."""
+    if jax.default_backend() != "cpu":
+        turned = jnp.moveaxis(jnp.asarray(values), 0, -1)
+        return jnp.pad(turned, [(0, 0)] * (turned.ndim - 2) + [(0, padded - turned.shape[-2]), (0, 0)])
+    wide = np.zeros((*values.shape[1:-1], padded, values.shape[0]))
+    wide[..., : values.shape[-1], :] = np.moveaxis(values, 0, -1)
+    return wide
 
 
 def lanewise(compute: Callable) -> Callable:
@@ -31,8 +63,11 @@ def stage(compute: Callable, go: Bool[Array, ""], *args) -> Any:
     """`compute(*args)`, its results written to memory before anybody reads them.
 
     Fused into its readers, a sine would be computed anew by each of them: an optimisation barrier does not keep
-    XLA on CPUs from that, a branch does. `go` is true, but the compiler cannot know.
+    XLA on CPUs from that, a branch does. `go` is true, but the compiler cannot know. On an accelerator a branch would
+    wait for the host, and the barrier does.
     """
+    if jax.default_backend() != "cpu":
+        return jax.lax.optimization_barrier(compute(*args))
     skip = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(compute, *args))
     return jax.lax.cond(go, compute, lambda *_: skip, *args)
 

@@ -44,7 +44,8 @@ def test_a_model_runs_and_its_trace_reads_back(tmp_path):
     answer = tasks.run("simulate", OSCILLATOR, [])
     assert answer.error is None
     assert set(answer.files) == {"trace.json", "trace.csv", "trace.nc"}
-    expected = tasks.motion(OSCILLATOR)
+    expected, film = tasks.motion(OSCILLATOR)
+    assert film is None
     for name, content in answer.files.items():
         (tmp_path / name).write_bytes(content)
         read = io.read_trace(tmp_path / name)

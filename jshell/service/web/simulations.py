@@ -1,20 +1,21 @@
-"""The page of the short model with its sliders; and that of a simulator's run."""
+"""The page of a shell with its sliders; and that of a simulator's run."""
 
+import json
 from collections.abc import Callable
 from typing import Any
 from urllib.parse import urlencode
 
 import numpy as np
 from fastapi import APIRouter, Request, Response
-from fastapi.responses import HTMLResponse, RedirectResponse
+from fastapi.responses import HTMLResponse, JSONResponse, RedirectResponse
 from pydantic import ValidationError
 from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import ImmutableMultiDict
 
 from jshell.errors import BadValue, JshellError
 from jshell.oscillator import SOURCE
-from jshell.service import jobs
-from jshell.service.api.simulate import answered
+from jshell.service import jobs, shape
+from jshell.service.api.simulate import answered, conditions
 from jshell.service.jobs import modes_specification, of_kind, simulator_specification
 from jshell.service.problems import of_validation
 from jshell.service.schemas import Conditions, ModesRequest, SimulateRequest
@@ -38,7 +39,7 @@ CHANNELS = ("V", "S", "H", "W")
 
 @router.get("/simulate")
 def sliders(request: Request, here: Here) -> Response:
-    """The short model of a shell."""
+    """A shell: the simulator's rest shape and modes, the short model beside."""
     fields = dict(request.query_params)
     asked, found, error = SimulateRequest(), None, None  # pyright: ignore[reportCallIssue]
     try:
@@ -68,6 +69,33 @@ def sliders(request: Request, here: Here) -> Response:
 def drawn(request: Request) -> Response:
     """The same curves for a browser without JavaScript."""
     return Response(drawing.svg(series.of_answer(answered(_asked(request.query_params)))), media_type="image/svg+xml")
+
+
+@router.get("/simulate/shape")
+def shaped(request: Request) -> Response:
+    """Rest shape and modes as numbers, while the sliders move; the short model's beside them."""
+    asked = _asked(request.query_params)
+    short = answered(asked)
+    beside = {
+        "omega": [short["omega_minus"], short["omega_plus"]],
+        "tau": short["tau"],
+        "load": short["softening"]["load"],
+    }
+    return JSONResponse(shape.answer(conditions(asked)) | {"short": beside})
+
+
+@router.get("/simulate/exact")
+def exactly(request: Request) -> Response:
+    """Its modes in the exact liquid, and whether it is round."""
+    return JSONResponse(shape.exact(conditions(_asked(request.query_params))))
+
+
+@router.get("/simulate/shape.svg")
+def shape_drawn(request: Request) -> Response:
+    """The shell for a browser without JavaScript."""
+    return Response(
+        drawing.shell(shape.found_of(conditions(_asked(request.query_params))).found), media_type="image/svg+xml"
+    )
 
 
 @router.post("/simulations")
@@ -118,7 +146,25 @@ def simulation(request: Request, here: Here, id: str) -> Response:
     if job.state == "done":
         trace = jobs.simulated(here.store, job.id)
         given |= {"plots": series.of_trace(trace, [one for one in CHANNELS if one in trace.channels])}
+        given["film"] = "film.json" in here.store.result_names(job.id)
     return shown(request, "simulation.html", given)
+
+
+@router.get("/simulations/{id}/film")
+def film(here: Here, id: str) -> Response:
+    """Its shapes in time."""
+    return Response(_film(here, of_kind(here.store, id, "simulate").id), media_type="application/json")
+
+
+@router.get("/simulations/{id}/film.svg")
+def film_drawn(here: Here, id: str) -> Response:
+    """Some of them for a browser without JavaScript."""
+    found = json.loads(_film(here, of_kind(here.store, id, "simulate").id))
+    return Response(drawing.strip(found), media_type="image/svg+xml")
+
+
+def _film(here: Service, job: str) -> bytes:
+    return here.store.result(job, "film.json")
 
 
 @router.get("/simulations/{id}/trace.svg")

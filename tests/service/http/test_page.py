@@ -296,3 +296,22 @@ def test_a_running_fit_is_cancelled_from_its_page(page, served):
         assert client.job(job.id).state == "cancelled"
         page.get_by_role("link", name="Fit again with changes").click()
         assert page.locator("input[name=profile]").is_checked()
+
+
+def test_the_shell_is_drawn_as_the_sliders_move(page, served):
+    page.goto("/simulate")
+    page.wait_for_selector("#shell[data-drawn]", timeout=PATIENT)
+    before = page.get_attribute("#shell .wall", "d")
+    page.fill("#Pext_hat", "1.7")
+    page.wait_for_selector('#shell[data-drawn*="Pext_hat=1.7"]', timeout=PATIENT)
+    found = httpx.get(f"{served}/simulate/shape?Pext_hat=1.7", timeout=60, trust_env=False).json()
+    modes = jshell.modes(jshell.Reduced(0.22, 0.9, 1.7, 0.004), liquid="second", elements=24)
+    assert found["modes"][0]["omega"] == pytest.approx(float(modes.omega[0]), rel=1e-9)
+    assert f"{found['modes'][0]['omega']:.4g}" in page.inner_text("#shell-modes")
+    assert page.get_attribute("#shell .wall", "d") != before
+    page.click("#play")  # stands still
+    page.check('input[name=shown][value="-1"]')
+    page.wait_for_timeout(100)
+    still = page.get_attribute("#shell .wall", "d")
+    page.wait_for_timeout(100)
+    assert page.get_attribute("#shell .wall", "d") == still

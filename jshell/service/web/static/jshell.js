@@ -5,9 +5,10 @@
   root.classList.add("js");
 
   function options(plot, width) {
-    const axis = { stroke: "#55636f", font: "12px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif" };
-    const grid = { stroke: "#e6ebef", width: 1 };
-    const ticks = { stroke: "#c3ccd4", width: 1, size: 4 };
+    const shade = (name) => getComputedStyle(root).getPropertyValue(name).trim();
+    const axis = { stroke: shade("--soft"), font: "12px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif" };
+    const grid = { stroke: shade("--line"), width: 1 };
+    const ticks = { stroke: shade("--line"), width: 1, size: 4 };
     const series = plot.lines.map((line) => ({
       label: line.label,
       stroke: line.color,
@@ -22,7 +23,7 @@
       const at = u.valToPos(plot.mark, "x", true);
       if (at < u.bbox.left || at > u.bbox.left + u.bbox.width) return;
       u.ctx.save();
-      u.ctx.strokeStyle = "#17212b";
+      u.ctx.strokeStyle = shade("--ink");
       u.ctx.setLineDash([4, 4]);
       u.ctx.beginPath();
       u.ctx.moveTo(at, u.bbox.top);

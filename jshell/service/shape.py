@@ -1,0 +1,124 @@
+"""The shell itself, by the simulator, as fast as a slider moves: rest shape and slowest modes.
+
+One compiled program serves every request: numbers of elements and of modes are
+fixed, and all that a request brings is numbers. Requests wait for each other,
+for they share the cores with everything else that the service does; of those
+that wait too long none is begun.
+
+Symbols    x along the axis, r from it [R0]   ω = |s|   Ω damped frequency   τ decay time
+Valid for  the liquid of `answer`: a Stokes layer to second order; `exact` any viscosity
+"""
+
+import threading
+import warnings
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jshell.dynamics.modes import Modes, modes
+from jshell.errors import Outcome
+from jshell.membrane import RestShape, stability
+from jshell.service.problems import Refused
+from jshell.service.schemas import finite
+from jshell.shell.parameters import Reduced
+
+ELEMENTS, COUNT = 24, 4  # ω to 1e-6
+ORDERS, THINNEST = range(1, 17), 0.016  # of `stability`: what a shell of that thickness can lose its symmetry by
+EVERY = 2  # Gauss points of an outline that are drawn
+DIGITS = 4  # behind the point, of an outline in R0
+PATIENCE, LONG_PATIENCE = 5.0, 20.0  # seconds that a request waits for its turn
+_TURN, _LONG_TURN = threading.Lock(), threading.Lock()
+
+
+class Drawn(eqx.Module):
+    """Rest shape, modes and what is drawn of them; (points,) and (modes, points)."""
+
+    found: Modes
+    x: jax.Array
+    r: jax.Array
+    dx: jax.Array
+    dr: jax.Array
+
+
+@eqx.filter_jit
+def _all(conditions: Reduced, liquid: str, count: int) -> Drawn:
+    found = modes(conditions, liquid=liquid, count=count, elements=ELEMENTS)
+    x, r = half(found.rest, found.rest.coordinates)
+    dx, dr = jax.vmap(lambda v: half(found.rest, v))(found.shapes)
+    size = jnp.max(jnp.hypot(jnp.abs(dx), jnp.abs(dr)), axis=1, keepdims=True)
+    return Drawn(found, x, r, dx / size, dr / size)
+
+
+def half(state: RestShape, q: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """x and r from pole to pole; of complex coordinates as well."""
+    one = lambda q: (state.meridian.at_points(q), state.meridian.at_nodes(q)[0])  # noqa: E731
+    if not jnp.iscomplexobj(q):
+        curve, x = one(q)
+        ends = jnp.concatenate([x[:1], curve.x[::EVERY], x[-1:]])
+        return ends, jnp.concatenate([jnp.zeros(1), curve.r[::EVERY], jnp.zeros(1)])
+    real, imag = half(state, jnp.real(q)), half(state, jnp.imag(q))
+    return real[0] + 1j * imag[0], real[1] + 1j * imag[1]
+
+
+def found_of(conditions: Reduced, liquid: str = "second", count: int = COUNT) -> Drawn:
+    """Rest shape and modes, in turn with other requests.
+
+    Raises:
+        Refused: Too many wait.
+    """
+    return _in_turn(_TURN, PATIENCE, lambda: jax.block_until_ready(_all(conditions.as_arrays(), liquid, count)))
+
+
+def answer(conditions: Reduced) -> dict[str, Any]:
+    """What the page draws and says of a shell."""
+    drawn = found_of(conditions)
+    found, rest = drawn.found, drawn.found.rest
+    outcome = Outcome(int(rest.outcome))
+    said = {name: finite(float(getattr(rest, name))) for name in ("volume_ratio", "pressure", "gap", "stability")}
+    rows = []
+    for k, row in enumerate(found.table()):
+        ways = (drawn.dx[k].real, drawn.dr[k].real, drawn.dx[k].imag, drawn.dr[k].imag)
+        rows.append(vars(row) | {"way": [rounded(way) for way in ways]})
+    return said | {
+        "outcome": outcome.word.replace("_", " "),
+        "advice": outcome.advice,
+        "thickness": float(conditions.thickness),
+        "x": rounded(drawn.x),
+        "r": rounded(drawn.r),
+        "modes": rows,
+    }
+
+
+def exact(conditions: Reduced) -> dict[str, Any]:
+    """Two modes in the exact liquid, and whether the shape is round."""
+
+    def both() -> dict[str, Any]:
+        drawn = jax.block_until_ready(_all(conditions.as_arrays(), "exact", 2))
+        rest, verdict = drawn.found.rest, None
+        if int(rest.outcome) == Outcome.OK and float(conditions.thickness) >= THINNEST:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                verdict = stability(rest, orders=ORDERS, elements=2 * ELEMENTS).verdict
+        return {"modes": [vars(row) for row in drawn.found.table()], "verdict": verdict}
+
+    return _in_turn(_LONG_TURN, LONG_PATIENCE, both)
+
+
+def rounded(values: Any) -> list[float | None]:
+    """An outline's numbers; what is no number is null."""
+    return finite(np.round(np.asarray(values, dtype=float), DIGITS).tolist())
+
+
+def _in_turn(turn: threading.Lock, patience: float, work: Any) -> Any:
+    if not turn.acquire(timeout=patience):
+        raise Refused(
+            "the simulator", found="busy with other shells", expected="a turn within some seconds",
+            remedy="Move the slider again.", code="too_many", after=5,
+        )  # fmt: skip
+    try:
+        return work()
+    finally:
+        turn.release()
