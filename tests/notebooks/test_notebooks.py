@@ -1,6 +1,7 @@
 """Notebooks and guides run as they stand, draw what they promise and end with a number; none stores its outputs.
 
-What `make docs` has executed is not executed again, and what is executed here serves the pages.
+What `make docs` has executed is not executed again, and what is executed here serves the pages. Guides and pages are
+as dear as all numbered notebooks several times over: `make docs` executes them, and `make slow` asks for them.
 """
 
 import importlib.util
@@ -40,7 +41,13 @@ def test_no_outputs_are_stored(book):
     assert all(not cell["outputs"] and cell["execution_count"] is None for cell in cells if "outputs" in cell)
 
 
-@pytest.mark.parametrize("book", BOOKS, ids=lambda book: book.stem)
+def told_apart(source):
+    """A source that only `make docs` and `make slow` execute is marked."""
+    dear = source.suffix == ".md" or source.stem.startswith("guide_")
+    return pytest.param(source, id=source.stem, marks=[pytest.mark.slow] if dear else [])
+
+
+@pytest.mark.parametrize("book", map(told_apart, BOOKS))
 def test_every_cell_runs_and_the_last_prints_a_number(book):
     pytest.importorskip("nbclient", reason="pip install 'jshell[docs]'")
     book = script().executed(book)
@@ -56,7 +63,7 @@ def pictures(book) -> int:
     return sum(bool({"image/png", "image/gif"} & set(one.get("data", ()))) for one in shown)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT / "docs")))
+@pytest.mark.parametrize("page", map(told_apart, PAGES))
 def test_every_page_with_code_runs_and_draws(page):
     pytest.importorskip("nbclient", reason="pip install 'jshell[docs]'")
     assert pictures(script().executed(page))
