@@ -139,8 +139,9 @@ class Store:
         given = [one for one in traces if isinstance(one, Upload)]
         ids = [one.id if isinstance(one, Upload) else one for one in traces]
         content, names = content_of(kind, text, ids), []
+        request = (kind, text, json.dumps(ids))
         with self.database.writing() as connection:
-            if (same := self._same(connection, key, content)) is not None:
+            if (same := self._same(connection, key, content, request)) is not None:
                 return same
             self._recent.require(connection, [one for one in traces if isinstance(one, str)])
             waiting = connection.execute(statements.WAITING).scalar_one()
@@ -154,7 +155,7 @@ class Store:
             if key is not None:
                 values = {"key": key, "content": content, "job": row.id}
                 if self._made(connection, statements.new_key, values) is None:
-                    self._same(connection, key, content)  # another server was faster with this key
+                    self._same(connection, key, content, request)  # another server was faster with this key
         for one, name in zip(given, names, strict=False):  # none where nothing was kept
             self._recent.keep(one, name)
         if made:
@@ -374,7 +375,9 @@ class Store:
         clock = {"created": time.time()} if in_file else {}
         return connection.execute(insert(in_file), {**values, **clock}).one_or_none()
 
-    def _same(self, connection: sa.Connection, key: str | None, content: str) -> Submission | None:
+    def _same(
+        self, connection: sa.Connection, key: str | None, content: str, request: tuple[str, str, str]
+    ) -> Submission | None:
         """The answer that a key has already; None where it has none, or its job was given up: the key is free again.
 
         Raises:
@@ -383,9 +386,11 @@ class Store:
         known = None if key is None else connection.execute(statements.KEY, {"key": key}).one_or_none()
         if known is None:
             return None
-        if known.content != content:
+        row = connection.execute(statements.JOB, {"job": known.job}).one()
+        # the content holds the version: a request that an earlier jshell took under this key is still the same one
+        if known.content != content and (row.kind, row.specification, row.traces) != request:
             raise key_conflict(known.key)
-        job = job_of(connection.execute(statements.JOB, {"job": known.job}).one())
+        job = job_of(row)
         if job.error is None or job.error.code != DIED:
             return Submission(job, False)
         connection.execute(keys.delete().where(keys.c.key == key, keys.c.job == job.id))
