@@ -21,7 +21,7 @@ from scipy.ndimage import gaussian_filter
 
 import jshell as js
 
-SIDE, SCALE, FINE = 256, 92.0, 3  # pixels of a side, of R0, and points to a pixel's side
+SIDE, SCALE, FINE = 256, 92.0, 8  # pixels of a side, of R0, and points to a pixel's side
 NOISE, BLUR, BARREL = 0.005, 1.0, -0.03
 RATE = 10.0  # frames per unit of time
 LONG, LARGE = 1000, 512

@@ -47,7 +47,7 @@ def told_apart(source):
     return pytest.param(source, id=source.stem, marks=[pytest.mark.slow] if dear else [])
 
 
-@pytest.mark.parametrize("book", map(told_apart, BOOKS))
+@pytest.mark.parametrize("book", [told_apart(one) for one in BOOKS])
 def test_every_cell_runs_and_the_last_prints_a_number(book):
     pytest.importorskip("nbclient", reason="pip install 'jshell[docs]'")
     book = script().executed(book)
@@ -63,7 +63,7 @@ def pictures(book) -> int:
     return sum(bool({"image/png", "image/gif"} & set(one.get("data", ()))) for one in shown)
 
 
-@pytest.mark.parametrize("page", map(told_apart, PAGES))
+@pytest.mark.parametrize("page", [told_apart(one) for one in PAGES])
 def test_every_page_with_code_runs_and_draws(page):
     pytest.importorskip("nbclient", reason="pip install 'jshell[docs]'")
     assert pictures(script().executed(page))
