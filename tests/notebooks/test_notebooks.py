@@ -43,7 +43,7 @@ def test_no_outputs_are_stored(book):
 
 def told_apart(source):
     """A source that only `make docs` and `make slow` execute is marked."""
-    dear = source.suffix == ".md" or source.stem.startswith("guide_")
+    dear = source.suffix == ".md" or source.stem.startswith(("guide_", "10_"))
     return pytest.param(source, id=source.stem, marks=[pytest.mark.slow] if dear else [])
 
 
