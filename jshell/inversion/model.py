@@ -92,7 +92,7 @@ class Model:
         for k in range(len(self.recordings)):
             seen, _ = self.seen(k, u)
             self.calls += 1
-            found.append(standing_program(size, seen.numbers[6] > 0)(jnp.asarray(seen.numbers)))
+            found.append(standing_program(size, bool(seen.numbers[6] > 0))(jnp.asarray(seen.numbers)))
         return found
 
     def modal(
@@ -101,7 +101,7 @@ class Model:
         """All modes of recording k in the record's units, their derivatives by u, and how finding each ended."""
         seen, mine = self.seen(k, u)
         slopes = [seen.slope(self.space.names[i].partition("[")[0]) for i in mine]
-        program = response_program(elements or self.elements, seen.numbers[6] > 0, liquid)
+        program = response_program(elements or self.elements, bool(seen.numbers[6] > 0), liquid)
         changes = []
         for at in range(0, max(len(mine), 1), DIRECTIONS):
             tangents = np.zeros((DIRECTIONS, len(FIELDS)))
