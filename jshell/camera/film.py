@@ -137,7 +137,12 @@ def _times(film: Film, view: View) -> tuple[Float[np.ndarray, "frames"], list[st
         return np.arange(film.count) / float(view.rate), words
     steps = np.diff(own)
     if not np.all(steps > 0):
-        raise BadValue(film.name, found="times that do not ascend", expected="ascending times", remedy="Give a rate.")
+        raise BadValue(
+            film.name,
+            found="times that do not ascend",
+            expected="ascending times",
+            remedy="Convert the film with ffmpeg, or to pictures, and give its rate.",
+        )
     # stamps are often rounded: frames are counted by the steps, and a step is the whole film's mean
     taken = np.rint(steps / np.median(steps))
     missing, step = int(np.sum(taken - 1)), float(own[-1] / np.sum(taken))

@@ -9,6 +9,7 @@ Source     Photron's headers as PFV writes them; Vision Research, Cine File Form
 
 import re
 import struct
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -83,16 +84,18 @@ def phantom(path: Path) -> Film:
     """
     check_file(path)
     where, length = str(path), path.stat().st_size
-    file = open(path, "rb")  # noqa: SIM115  (the film closes it)
+    with ExitStack() as opened:  # closes the file where what follows raises; else the film does
+        file = opened.enter_context(open(path, "rb"))
 
-    def unpack(form: str, at: int) -> tuple[Any, ...]:
-        size = struct.calcsize("<" + form)
-        if not 0 <= at <= length - size:
-            raise BadFile(where, found=f"a reference to byte {at} of {length}", expected="a Cine file", remedy=AGAIN)
-        file.seek(at)
-        return struct.unpack("<" + form, file.read(size))
+        def unpack(form: str, at: int) -> tuple[Any, ...]:
+            size = struct.calcsize("<" + form)
+            if not 0 <= at <= length - size:
+                raise BadFile(
+                    where, found=f"a reference to byte {at} of {length}", expected="a Cine file", remedy=AGAIN
+                )
+            file.seek(at)
+            return struct.unpack("<" + form, file.read(size))
 
-    try:
         mark, _, compression, _, _, _, _, count, bitmap, setup, offsets = unpack("2sHHHiIiIIII", 0)
         if mark != b"CI" or compression != 0:
             raise BadFile(where, found=f"{mark!r}, compression {compression}", expected="a raw Cine", remedy=AGAIN)
@@ -111,9 +114,7 @@ def phantom(path: Path) -> Film:
                 remedy="Save the film not packed and monochrome, or as TIFF pictures.",
             )
         times = _stamps(unpack, setup, offsets, count)
-    except BaseException:
-        file.close()
-        raise
+        closing = opened.pop_all()
     if times is None and rate > 0:
         times = np.arange(count) / rate
 
@@ -128,7 +129,7 @@ def phantom(path: Path) -> Film:
         return grey(place, values[::-1] if rows > 0 else values)
 
     depth = depth if 0 < depth <= bits else bits
-    return Film(where, count, (abs(rows), columns), 2.0**depth - 1, read, file.close, times, exposure * 1e-9 or None)
+    return Film(where, count, (abs(rows), columns), 2.0**depth - 1, read, closing.close, times, exposure * 1e-9 or None)
 
 
 AGAIN = "Save the film again, or as TIFF pictures."

@@ -1,11 +1,11 @@
-"""What a submission says to the database, built once: building it anew costs more than saying it."""
+"""What submissions and owners say to the database; built once where building costs more than saying."""
 
 import functools
 
 import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql, sqlite
 
-from jshell.service.tables import LIVE, QUEUED, jobs, keys
+from jshell.service.tables import LIVE, QUEUED, RUNNING, jobs, keys
 
 KEY = sa.select(keys).where(keys.c.key == sa.bindparam("key"))
 JOB = sa.select(jobs).where(jobs.c.id == sa.bindparam("job"))
@@ -28,3 +28,10 @@ def new_key(in_file: bool) -> sa.Insert:
     insert = (sqlite if in_file else postgresql).insert(keys)
     insert = insert.on_conflict_do_nothing(index_elements=[keys.c.key]).returning(keys.c.key)
     return insert if in_file else insert.values(created=SERVER_CLOCK)
+
+
+def held(job: str, owner: str, attempt: int) -> sa.Update:
+    """A change of a job that an owner still has in this attempt: what comes late finds no row."""
+    return jobs.update().where(
+        jobs.c.id == job, jobs.c.state == RUNNING, jobs.c.owner == owner, jobs.c.attempt == attempt
+    )

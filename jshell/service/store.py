@@ -283,7 +283,7 @@ class Store:
         if progress is not None:
             values["progress"] = progress
         with self.database.writing() as connection:
-            return connection.execute(_held(job, owner, attempt).values(**values)).rowcount == 1
+            return connection.execute(statements.held(job, owner, attempt).values(**values)).rowcount == 1
 
     def finish(self, job: str, owner: str, attempt: int, outcome: Mapping[str, bytes] | JobFailure) -> bool:
         """Record what a job made, or why it failed; once, and only by who holds it.
@@ -292,7 +292,7 @@ class Store:
             False where it is no longer the owner's; nothing was recorded then.
         """
         failed = isinstance(outcome, JobFailure)
-        change = _held(job, owner, attempt).values(
+        change = statements.held(job, owner, attempt).values(
             state=FAILED if failed else DONE,
             finished=self.database.clock,
             lease=None,
@@ -318,7 +318,7 @@ class Store:
             Whether it was still the owner's.
         """
         with self.database.writing() as connection:
-            return self._requeue(connection, _held(job, owner, attempt), died) == 1
+            return self._requeue(connection, statements.held(job, owner, attempt), died) == 1
 
     def reap_expired(self, seconds: float | int = SILENCE) -> int:
         """Take jobs from owners that have said nothing new for so long, as this process saw it; how many.
@@ -395,9 +395,3 @@ class Store:
             return Submission(job, False)
         connection.execute(keys.delete().where(keys.c.key == key, keys.c.job == job.id))
         return None
-
-
-def _held(job: str, owner: str, attempt: int) -> sa.Update:
-    return jobs.update().where(
-        jobs.c.id == job, jobs.c.state == RUNNING, jobs.c.owner == owner, jobs.c.attempt == attempt
-    )
