@@ -7,11 +7,12 @@ and a script that reads one file need not wait for JAX.
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from jshell import precision, programs, threads
+from jshell import emitters, precision, programs, threads
 from jshell.errors import JshellError, NotOk, Outcome, RangeWarning
 
 threads.ask_for_one()
 precision.ask_for_double()
+emitters.ask_for_the_elder()
 programs.keep()
 
 if TYPE_CHECKING:

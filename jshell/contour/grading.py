@@ -10,6 +10,7 @@ Symbols    b = κ1 λ1 turning of the meridian per θ [-]   h element length [ra
 Source     equidistribution: de Boor 1973; slope-limited element size: Persson 2006
 """
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -21,6 +22,7 @@ SLOPE = 0.2  # how fast the element length may grow along θ
 PASSES = 4  # the limiter changes the lengths it limits
 
 
+@eqx.filter_jit  # called one by one, its loop would be compiled anew each time
 def rim_breaks(
     shape: Meridian, q: Float[Array, "coordinates"], contrast: float = CONTRAST, slope: float = SLOPE
 ) -> Float[Array, "nodes"]:

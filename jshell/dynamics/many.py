@@ -3,7 +3,8 @@
 Source     each device takes its share of the batch and never hears of the others
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import lru_cache
 
 import jax
 import jax.numpy as jnp
@@ -61,10 +62,19 @@ def simulate_many(conditions: Reduced, *, devices: Sequence | None = None, **opt
     filled = jax.tree.unflatten(
         jax.tree.structure(conditions), [jnp.broadcast_to(field, (count,))[rows] for field in fields]
     )
-    mesh = Mesh(np.array(where), ("shells",))
-    along = PartitionSpec("shells")
-    one = lambda shell: simulate(shell, **options)  # noqa: E731
-    # a CPU runs shells one after another, each as long as it needs; a GPU runs all of them in every step
-    each = (lambda shells: jax.lax.map(one, shells)) if where[0].platform == "cpu" else jax.vmap(one)
-    spread = jax.jit(jax.shard_map(each, mesh=mesh, in_specs=along, out_specs=along, check_vma=False))
+    try:
+        spread = _program(tuple(where), tuple(sorted(options.items())))
+    except TypeError:  # an option that cannot be told from others, like a pressure in arrays: a program of its own
+        spread = _program.__wrapped__(tuple(where), tuple(sorted(options.items())))
     return jax.tree.map(lambda values: values[:count], spread(filled))
+
+
+@lru_cache(maxsize=8)  # the same options again find their program compiled
+def _program(devices: tuple, options: tuple[tuple[str, object], ...]) -> Callable[[Reduced], Trace]:
+    """What simulates a batch, shared out over devices."""
+    mesh = Mesh(np.array(devices), ("shells",))
+    along = PartitionSpec("shells")
+    one = lambda shell: simulate(shell, **dict(options))  # type: ignore[arg-type]  # noqa: E731
+    # a CPU runs shells one after another, each as long as it needs; a GPU runs all of them in every step
+    each = (lambda shells: jax.lax.map(one, shells)) if devices[0].platform == "cpu" else jax.vmap(one)
+    return jax.jit(jax.shard_map(each, mesh=mesh, in_specs=along, out_specs=along, check_vma=False))

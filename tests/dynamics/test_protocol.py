@@ -173,6 +173,27 @@ def test_batches_refuse_what_only_a_single_run_can(R):
         simulate_many(R)
 
 
+@pytest.mark.slow
+def test_a_second_batch_finds_its_program(make_problem):
+    compiled = []
+
+    def note(event, seconds, **_):
+        if event.endswith("backend_compile_duration"):
+            compiled.append(seconds)
+
+    shells = make_problem(0.22, 0.9, np.array([1.6, 1.62]), 0.004)
+    jax.monitoring.register_event_duration_secs_listener(note)
+    try:
+        first = simulate_many(shells, ramp=0.5, **SHORT)
+        before = len(compiled)
+        again = simulate_many(shells, ramp=0.5, **SHORT)
+    finally:
+        jax.monitoring.unregister_event_duration_listener(note)
+    assert before > 0
+    assert len(compiled) == before
+    np.testing.assert_array_equal(np.asarray(first["V"]), np.asarray(again["V"]))
+
+
 SPREAD = """
 import numpy as np, jax, jshell as js
 assert len(jax.devices()) == 2
@@ -190,7 +211,8 @@ print("same")
 def test_a_batch_is_the_same_on_two_devices():
     import os
 
-    environment = os.environ | {"XLA_FLAGS": "--xla_force_host_platform_device_count=2"}
+    flags = os.environ.get("XLA_FLAGS", "") + " --xla_force_host_platform_device_count=2"
+    environment = os.environ | {"XLA_FLAGS": flags}
     done = subprocess.run([sys.executable, "-c", SPREAD], env=environment, capture_output=True, text=True, check=False)
     assert done.stdout.strip() == "same", done.stderr[-2000:]
 
