@@ -17,7 +17,7 @@ import numpy as np
 from jax.core import Tracer
 
 from jshell.contour import NO_WEAK_SPOT, WeakSpot
-from jshell.dynamics.modes import Modes, vibrations
+from jshell.dynamics.vibrations import Modes, vibrations
 from jshell.errors import Outcome, RangeWarning
 from jshell.membrane import RestShape, rest, symmetry_by_law, thinnest_round
 from jshell.membrane.round import words_of_law

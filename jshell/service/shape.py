@@ -18,7 +18,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jshell.dynamics.modes import Modes, modes
+from jshell.dynamics.modes import modes
+from jshell.dynamics.vibrations import Modes
 from jshell.errors import Outcome
 from jshell.membrane import RestShape, stability
 from jshell.service.problems import Refused
