@@ -61,24 +61,22 @@ def cost() -> None:
     print(f"20 rest shapes, found and looked at in 12 orders: {time.process_time() - began:.1f} s", flush=True)
 
 
-AGENTS = (0.005, 0.004, 0.003, 0.0025, 0.002)
+AGENTS = (0.005, 0.004, 0.003, 0.0025, 0.002, 0.001, 0.0004)
+COMPUTED = 0.002  # d̂ down to which there are rest shapes
 
 
 def agents() -> None:
     """Where thin contrast agents stop being round as they deflate: computed down to 0.002, by the law below."""
     for thickness in AGENTS:
-        found = js.membrane.symmetry_loss(branch_of(thickness), js.Reduced(thickness, 0.9, 1.6, 0.0))
-        ratio = float("nan") if found.volume_ratio is None else found.volume_ratio
         by_law = 1 - (thickness / 0.05) ** 2
-        print(
-            f"d_hat {thickness:g}: V/V0 {ratio:.5f}, m = {found.order} ({found.outcome.word}); law {by_law:.5f}",
-            flush=True,
-        )
-
-
-def branch_of(thickness: float) -> js.membrane.Branch:
-    """The deflation branch, on elements that a thin rim needs."""
-    return js.membrane.deflation_branch(js.Reduced(thickness, 0.9, 1.6, 0.0), elements=48, lowest=0.97)
+        sphere = js.membrane.buckling_eigenvalue(thickness, elements=64) if thickness >= COMPUTED else None
+        buckles = 1 - thickness if sphere is None else float(sphere.volume_ratio)
+        told = f"d_hat {thickness:g}: law V/V0 {by_law:.6f}; a perfect sphere buckles at {buckles:.5f}"
+        if thickness >= COMPUTED:
+            found, finer = (js.membrane.critical_volume(thickness, elements=count) for count in (64, 96))
+            ratios = [float("nan") if part.volume_ratio is None else part.volume_ratio for part in (found, finer)]
+            told += f"; computed {ratios[0]:.6f} ({ratios[1]:.6f} on 96 elements), m = {found.order}"
+        print(told, flush=True)
 
 
 def elements() -> None:

@@ -45,13 +45,7 @@ def said_of(found: "jshell.membrane.RestShape", asked: bool = False) -> str | No
         return None
     if asked or jshell.membrane.symmetry_in_doubt(found):
         return jshell.dynamics.roundness(found).verdict
-    return by_law(found) if float(found.conditions.thickness) < THIN else None
-
-
-def by_law(found: "jshell.membrane.RestShape") -> str:
-    """What the law says of a rest shape's symmetry."""
-    c = found.conditions
-    return jshell.membrane.symmetry_by_law(float(c.thickness), float(found.volume_ratio), float(c.poisson_ratio))
+    return jshell.membrane.law_of(found) if float(found.conditions.thickness) < THIN else None
 
 
 def whole_numbers(option: str, text: str | None) -> list[int]:
@@ -141,7 +135,7 @@ def rest(
         if symmetric is not None:
             rows.append(("symmetry", symmetric.verdict))
         elif ok and branch == "buckled" and problem.conditions.thickness < THIN:
-            rows.append(("symmetry", by_law(found)))
+            rows.append(("symmetry", jshell.membrane.law_of(found)))
         typer.echo(table(rows, ("at rest", "value")))
     finish(outcome)
 
