@@ -138,7 +138,8 @@ def told(thickness, ratio, nu, area, count, grading, orders=(4, 5, 6, 7)) -> str
     found = orders_about(state, beyond, 2, "ideal")
     lines = []
     if 0 in orders:
-        axial = vibrations(state, shell.as_arrays(), 2, "ideal", area)
+        held = js.Reduced(thickness, 0.9, state.outer_pressure, 0.0, 1.4, nu).as_arrays()
+        axial = vibrations(state, held, 2, "ideal", area)
         lines.append("m = 0: " + ", ".join(f"{omega:.6f}" for omega in axial.omega))
     for m, row in zip(beyond, np.asarray(found.rate), strict=True):
         parts = [f"grows {s.real:.5f}" if s.real > 1e-9 else f"{abs(s):.6f}" for s in row]

@@ -53,6 +53,7 @@ def test_every_order_comes_in_one_table(every, undamped_R):
     assert "m = 4" in repr(every)
 
 
+@pytest.mark.slow
 def test_height_and_width_move_along_an_axisymmetric_mode_as_they_do_from_shape_to_shape(every):
     shape, q, size = every.rest.meridian, every.rest.coordinates, 1e-4
     for row in (row for row in every.table() if row.azimuth == 0):
