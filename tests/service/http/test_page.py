@@ -310,7 +310,7 @@ def test_the_shell_is_drawn_as_the_sliders_move(page, served):
     assert f"{found['modes'][0]['omega']:.4g}" in page.inner_text("#shell-modes")
     assert page.get_attribute("#shell .wall", "d") != before
     # what takes longer follows
-    page.wait_for_function("document.querySelector('#shell-exact').textContent.includes('m = 3')", timeout=PATIENT)
+    page.wait_for_selector("#shell-exact:has-text('m = 3')", timeout=PATIENT)
     around = jshell.modes(jshell.Reduced(0.22, 0.9, 1.7, 0.004), azimuth=(1, 2, 3), count=1, elements=24).around
     assert around is not None
     said = page.inner_text("#shell-exact")
