@@ -21,7 +21,7 @@ ELEMENTS = (12, 16, 24, 32)
 FINEST = 64
 STEPS = (1 / 20, 1 / 40, 1 / 80)
 SHORTEST = 1 / 320
-vibrations = importlib.import_module("jshell.dynamics.modes").vibrations
+vibrations = importlib.import_module("jshell.dynamics.vibrations").vibrations
 PROLATE = 0.2100150  # added-mass coefficient of a 2:1 prolate spheroid moving along its axis
 
 

@@ -4,6 +4,7 @@ python benchmarks/symmetry.py map [map.png]    about an hour of one core, most o
 python benchmarks/symmetry.py agents           Table 1's contrast agents along their path
 python benchmarks/symmetry.py elements         the lowest eigenvalue against elements
 python benchmarks/symmetry.py sway             a shell on a holder, m = 1, against elements
+python benchmarks/symmetry.py rates            frequencies and growth rates against elements, other walls and volumes
 python benchmarks/symmetry.py cost             processor time of one core, warm
 """
 
@@ -19,7 +20,8 @@ import numpy as np
 import jshell as js
 from jshell import plot
 from jshell.contour import NO_WEAK_SPOT, WeakSpot
-from jshell.dynamics.azimuthal import order_vibrations
+from jshell.dynamics.azimuthal import order_vibrations, orders_about
+from jshell.dynamics.vibrations import vibrations
 from jshell.errors import Outcome
 
 THICKNESSES = (0.04, 0.035, 0.03, 0.025, 0.02, 0.015, 0.01)
@@ -61,24 +63,22 @@ def cost() -> None:
     print(f"20 rest shapes, found and looked at in 12 orders: {time.process_time() - began:.1f} s", flush=True)
 
 
-AGENTS = (0.005, 0.004, 0.003, 0.0025, 0.002)
+AGENTS = (0.005, 0.004, 0.003, 0.0025, 0.002, 0.001, 0.0004)
+COMPUTED = 0.002  # d̂ down to which there are rest shapes
 
 
 def agents() -> None:
     """Where thin contrast agents stop being round as they deflate: computed down to 0.002, by the law below."""
     for thickness in AGENTS:
-        found = js.membrane.symmetry_loss(branch_of(thickness), js.Reduced(thickness, 0.9, 1.6, 0.0))
-        ratio = float("nan") if found.volume_ratio is None else found.volume_ratio
         by_law = 1 - (thickness / 0.05) ** 2
-        print(
-            f"d_hat {thickness:g}: V/V0 {ratio:.5f}, m = {found.order} ({found.outcome.word}); law {by_law:.5f}",
-            flush=True,
-        )
-
-
-def branch_of(thickness: float) -> js.membrane.Branch:
-    """The deflation branch, on elements that a thin rim needs."""
-    return js.membrane.deflation_branch(js.Reduced(thickness, 0.9, 1.6, 0.0), elements=48, lowest=0.97)
+        sphere = js.membrane.buckling_eigenvalue(thickness, elements=64) if thickness >= COMPUTED else None
+        buckles = 1 - thickness if sphere is None else float(sphere.volume_ratio)
+        told = f"d_hat {thickness:g}: law V/V0 {by_law:.6f}; a perfect sphere buckles at {buckles:.5f}"
+        if thickness >= COMPUTED:
+            found, finer = (js.membrane.critical_volume(thickness, elements=count) for count in (64, 96))
+            ratios = [float("nan") if part.volume_ratio is None else part.volume_ratio for part in (found, finer)]
+            told += f"; computed {ratios[0]:.6f} ({ratios[1]:.6f} on 96 elements), m = {found.order}"
+        print(told, flush=True)
 
 
 def elements() -> None:
@@ -109,6 +109,44 @@ def swaying() -> None:
                 print(f"{count} elements, depth {spot.depth:g}, {liquid}: s = {rates}", flush=True)
 
 
+def rates() -> None:
+    """Undamped frequencies of the orders 0 to 3, and growth rates, against elements; other walls and volumes."""
+    warnings.simplefilter("ignore", js.errors.RangeWarning)
+    ring = lambda *case: print(*case, told(*case, orders=(0, 1, 2, 3)), flush=True)  # noqa: E731
+    for count, grading in ((24, "rim"), (32, "rim"), (48, "rim"), (72, "rim"), (48, "uniform"), (72, "uniform")):
+        ring(0.1, 0.7, 0.5, "current", count, grading)
+    for thickness, ratio, nu, area in (
+        (0.1, 0.85, 0.5, "current"), (0.05, 0.7, 0.5, "current"), (0.2, 0.5, 0.5, "current"),
+        (0.1, 0.7, 0.3, "current"), (0.1, 0.7, 0.5, "koiter"), (0.1, 0.7, 0.5, "reference"),
+    ):  # fmt: skip
+        for count in (32, 48):
+            ring(thickness, ratio, nu, area, count, "rim")
+    for thickness, ratio, nu, area in (
+        (0.025, 0.7, 0.5, "current"), (0.02, 0.7, 0.5, "current"), (0.03, 0.5, 0.5, "current"),
+        (0.015, 0.85, 0.5, "current"), (0.025, 0.7, 0.3, "current"), (0.025, 0.7, 0.5, "koiter"),
+        (0.025, 0.7, 0.5, "reference"),
+    ):  # fmt: skip
+        for count in (32, 48, 72):
+            print(thickness, ratio, nu, area, count, told(thickness, ratio, nu, area, count, "rim"), flush=True)
+
+
+def told(thickness, ratio, nu, area, count, grading, orders=(4, 5, 6, 7)) -> str:
+    """The slowest undamped vibrations of each order at a volume, or their rates where they grow."""
+    shell = js.Reduced(thickness, 0.9, 1.6, 0.0, 1.4, nu)
+    state = js.membrane.rest(shell, volume_ratio=ratio, elements=count, area=area, grading=grading)
+    beyond = [m for m in orders if m]
+    found = orders_about(state, beyond, 2, "ideal")
+    lines = []
+    if 0 in orders:
+        held = js.Reduced(thickness, 0.9, state.outer_pressure, 0.0, 1.4, nu).as_arrays()
+        axial = vibrations(state, held, 2, "ideal", area)
+        lines.append("m = 0: " + ", ".join(f"{omega:.6f}" for omega in axial.omega))
+    for m, row in zip(beyond, np.asarray(found.rate), strict=True):
+        parts = [f"grows {s.real:.5f}" if s.real > 1e-9 else f"{abs(s):.6f}" for s in row]
+        lines.append(f"m = {m}: " + ", ".join(parts))
+    return "; ".join(lines)
+
+
 def first_losses(path: str | None) -> None:
     """Table and map over thickness."""
     losses = []
@@ -127,4 +165,4 @@ if __name__ == "__main__":
     if what == "map":
         first_losses(rest[0] if rest else None)
     else:
-        {"agents": agents, "elements": elements, "sway": swaying, "cost": cost}[what]()
+        {"agents": agents, "elements": elements, "sway": swaying, "rates": rates, "cost": cost}[what]()

@@ -29,6 +29,7 @@ from jshell.campaigns.store import RunStore
 from jshell.campaigns.writing import read_design
 from jshell.errors import BadFile, Outcome, choose, require_extra
 from jshell.membrane import thinnest_round
+from jshell.membrane.round import law_holds
 
 if TYPE_CHECKING:
     import xarray
@@ -168,7 +169,8 @@ def symmetry(result: Result) -> str:
     run, found = result.run, result.findings
     if found.symmetry or found.V_e_over_V0 is None:
         return found.symmetry
-    return "round (law)" if run.d_hat >= thinnest_round(found.V_e_over_V0, run.nu) else "not round (law)"
+    word = "round" if run.d_hat >= thinnest_round(found.V_e_over_V0, run.nu) else "not round"
+    return f"{word} (law{'' if law_holds(run.d_hat, found.V_e_over_V0) else ', beyond its range'})"
 
 
 def _cell(value: Any) -> str:

@@ -11,6 +11,7 @@ import importlib.metadata
 import platform
 import warnings
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -19,11 +20,11 @@ import numpy as np
 from jshell.campaigns.findings import MODES, Findings
 from jshell.campaigns.planned import Run
 from jshell.comparators import sphere_run
-from jshell.dynamics import Losses, kick, modes, offset, roundness, simulate, swell
-from jshell.dynamics.azimuthal import order_vibrations
+from jshell.dynamics import Losses, Modes, OrderModes, kick, modes, offset, roundness, simulate, swell
 from jshell.errors import JshellError, Outcome, RangeWarning
 from jshell.membrane import rest
 from jshell.shell.elasticity import SPHERE_VOLUME
+from jshell.shell.parameters import Reduced
 from jshell.shell.rest import sphere_state
 from jshell.shell.sphere import sphere_frequency
 from jshell.trace import Trace, Values
@@ -110,7 +111,7 @@ def _buckled(run: Run) -> tuple[Findings, Trace | None]:
     state = rest(conditions, weak_spot=spot, **mesh)
     if run.offset and int(state.outcome) == Outcome.OK:
         conditions = offset(conditions, state.volume, jnp.asarray(run.offset)).as_arrays()
-    found = modes(conditions, count=MODES, liquid=run.liquid, weak_spot=spot, **mesh)
+    found, around = _modes(run, conditions, mesh)
     lossless = modes(conditions, count=MODES, liquid="ideal", weak_spot=spot, **mesh)
     outcome = Outcome(int(found.rest.outcome))
     findings = Findings(outcome=outcome.word, P_ext=float(np.asarray(conditions.outer_pressure)))
@@ -118,10 +119,8 @@ def _buckled(run: Run) -> tuple[Findings, Trace | None]:
         findings = findings.with_rest(found.rest).with_modes(found, lossless)
         if run.symmetry:
             findings = findings.with_symmetry(roundness(found.rest))
-        if run.azimuth:
-            orders = jnp.arange(1, run.azimuth + 1)
-            thin = "second" if run.liquid == "exact" else run.liquid
-            findings = findings.with_azimuth(order_vibrations(found.rest, orders, max(2, run.azimuth), 1, thin))
+        if around is not None:
+            findings = findings.with_azimuth(around)
     elif run.kind != "snap":
         return replace(findings, reason=outcome.advice), None
     if run.kind == "modes":
@@ -136,6 +135,19 @@ def _buckled(run: Run) -> tuple[Findings, Trace | None]:
     start = kick(found, jnp.asarray(run.amplitude), KICKED)
     trace = simulate(conditions, start=found.rest, velocity=start, **common)
     return _with_modes(findings, trace, None, 0.0)
+
+
+def _modes(run: Run, conditions: Reduced, mesh: dict[str, Any]) -> tuple[Modes, OrderModes | None]:
+    """The vibrations of a run, of m = 0 and of the orders that were asked for."""
+    if not run.azimuth:
+        return modes(conditions, count=MODES, liquid=run.liquid, weak_spot=run.weak_spot, **mesh), None
+    # of no liquid is meant: the exact one where it is known
+    liquid = None if run.liquid == "exact" else run.liquid
+    orders = range(run.azimuth + 1)
+    every = modes(conditions, azimuth=orders, count=MODES, liquid=liquid, weak_spot=run.weak_spot, **mesh)
+    axial = every.axial
+    assert axial is not None  # m = 0 is among them
+    return axial, every.around
 
 
 def _sphere(run: Run) -> tuple[Findings, Trace]:

@@ -39,17 +39,13 @@ def weak_spot(text: str | None, default: "jshell.contour.WeakSpot | None" = None
     return jshell.contour.WeakSpot(depth, width)
 
 
-def said_of(found: "jshell.membrane.RestShape") -> str | None:
-    """Whether a thin dimple is round: as computed where the law is near, else by the law; None of what is not thin."""
-    if int(found.outcome) != Outcome.OK or float(found.conditions.thickness) >= THIN:
+def said_of(found: "jshell.membrane.RestShape", asked: bool = False) -> str | None:
+    """Whether a dimple is round: computed where asked for or the law is near, else by the law; None of a thick one."""
+    if int(found.outcome) != Outcome.OK:
         return None
-    return jshell.dynamics.roundness(found).verdict if jshell.membrane.symmetry_in_doubt(found) else by_law(found)
-
-
-def by_law(found: "jshell.membrane.RestShape") -> str:
-    """What the law says of a rest shape's symmetry."""
-    c = found.conditions
-    return jshell.membrane.symmetry_by_law(float(c.thickness), float(found.volume_ratio), float(c.poisson_ratio))
+    if asked or jshell.membrane.symmetry_in_doubt(found):
+        return jshell.dynamics.roundness(found).verdict
+    return jshell.membrane.law_of(found) if float(found.conditions.thickness) < THIN else None
 
 
 def whole_numbers(option: str, text: str | None) -> list[int]:
@@ -139,7 +135,7 @@ def rest(
         if symmetric is not None:
             rows.append(("symmetry", symmetric.verdict))
         elif ok and branch == "buckled" and problem.conditions.thickness < THIN:
-            rows.append(("symmetry", by_law(found)))
+            rows.append(("symmetry", jshell.membrane.law_of(found)))
         typer.echo(table(rows, ("at rest", "value")))
     finish(outcome)
 
@@ -227,9 +223,13 @@ def modes(
     branch: Annotated[str, typer.Option("--branch", help="buckled or sphere.")] = "buckled",
     attached: Attached = 0.0,
     liquid: Annotated[
-        str,
-        typer.Option("--liquid", help="exact (any viscosity), second or layer (orders of a thin layer), ideal."),
-    ] = "exact",
+        str | None,
+        typer.Option(
+            "--liquid",
+            help="exact (any viscosity), second or layer (orders of a thin layer), ideal. By default exact, and second "
+            "for orders above 0, where the exact one is not known.",
+        ),
+    ] = None,
     stokes_layer: Annotated[
         bool | None,
         typer.Option("--stokes-layer/--no-stokes-layer", help="Deprecated: --liquid layer, --liquid ideal."),
@@ -239,58 +239,68 @@ def modes(
     spot: Spot = None,
     azimuth: Annotated[
         str | None,
-        typer.Option("--azimuth", help="Orders around the axis, as 0,1,2,3; above 0 the liquid is `second` at most."),
+        typer.Option("--azimuth", help="Orders around the axis, as 0,1,2,3."),
     ] = None,
+    symmetry: Annotated[
+        bool, typer.Option("--symmetry", help="Say whether the shape is round, and how fast it leaves that if not.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
-    """Small vibrations about the rest shape: frequencies, decay times, changes of volume and area."""
+    """Small vibrations about the rest shape: frequencies, decay times, what of a recording sees them."""
     if stokes_layer is not None:
         liquid = "layer" if stokes_layer else "ideal"
         log(f"--{'' if stokes_layer else 'no-'}stokes-layer is now --liquid {liquid}; the default is exact")
     if liquid != "ideal":
         problem.needs_viscosity()
-    chosen = {"branch": branch, "elements": elements, "attached": attached, "weak_spot": weak_spot(spot)}
-    orders = whole_numbers("--azimuth", azimuth)
-    axial = around = None
-    if 0 in orders:
-        axial = jshell.dynamics.modes(problem.conditions, count=count, liquid=liquid, **chosen)
-    if orders != [0]:
-        thin = liquid
-        if liquid == "exact":
-            thin = "second"
-            log("orders above 0: the liquid is a Stokes layer to second order; the exact one is known for order 0 only")
-        beyond = [m for m in orders if m > 0]
-        around = jshell.dynamics.azimuthal_modes(problem.conditions, beyond, count=count, liquid=thin, **chosen)
-    found = [part for part in (axial, around) if part is not None]
-    outcome = Outcome(max(int(np.max(np.asarray(part.outcome))) for part in found))
-    symmetry = said_of(found[0].rest) if branch == "buckled" else None
-    rows = () if axial is None else axial.table()
+    orders = [0] if azimuth is None else whole_numbers("--azimuth", azimuth)
+    found = jshell.dynamics.modes(
+        problem.conditions,
+        azimuth=orders,
+        count=count,
+        liquid=liquid,
+        branch=branch,
+        elements=elements,
+        attached=attached,
+        weak_spot=weak_spot(spot),
+    )
+    if liquid is None and found.around is not None:
+        log("orders above 0: the liquid is a Stokes layer to second order, right to 0.7 % in tau at eta_hat = 0.004")
+    outcome = Outcome(int(found.worst))
+    said = said_of(found.rest, symmetry) if branch == "buckled" else None
     if as_json:
-        said = {"modes": [asdict(row) for row in rows], "outcome": outcome, "conditions": problem.record()}
-        if around is not None:
-            said["azimuthal"] = [asdict(row) for row in around.table()]
-        if symmetry is not None:
-            said["symmetry"] = symmetry
-        say(said)
+        rows = () if found.axial is None else found.axial.table()
+        told = {"modes": [asdict(row) for row in rows], "outcome": outcome, "conditions": problem.record()}
+        if found.around is not None:
+            told["azimuthal"] = [asdict(row) for row in found.around.table()]
+        if said is not None:
+            told["symmetry"] = said
+        say(told)
+    else:
+        typer.echo(modes_table(found, problem, everything=azimuth is not None))
+        if said is not None:
+            typer.echo(f"\nsymmetry: {said}")
+    finish(outcome)
+
+
+def modes_table(found: "jshell.dynamics.AllModes", problem: Problem, *, everything: bool) -> str:
+    """Vibrations as a table: those of m = 0 by their number, or of every order from the slowest on."""
+    if everything:
+        header = ("m", "mode", "ω = |s|", "Ω", "τ", "grows at", "dV", "dH", "dW", "seen by", "outcome")
+        rows = found.table()
+        lines = [
+            (str(row.azimuth), str(row.mode), row.omega, row.Omega, row.tau, row.growth, row.dV, row.dH, row.dW,
+             row.seen, row.outcome)
+            for row in rows
+        ]  # fmt: skip
     else:
         header = ("mode", "ω = |s|", "Ω", "τ", "dV", "dS", "outcome")
-        shown = [(str(row.mode), row.omega, row.Omega, row.tau, row.dV, row.dS, row.outcome) for row in rows]
-        if problem.scales is not None:
-            header = (*header, "f [Hz]")
-            hertz = [None if row.omega is None else row.omega * problem.scales.frequency for row in rows]
-            shown = [(*line, one) for line, one in zip(shown, hertz, strict=True)]
-        if shown:
-            typer.echo(table(shown, header))
-        if around is not None:
-            header = ("m", "mode", "ω = |s|", "Ω", "τ", "grows at", "dH twice", "dW", "outcome")
-            lines = around.table()
-            typer.echo("" if not shown else "\n", nl=False)
-            typer.echo(
-                table([(str(row.azimuth), str(row.mode), *list(asdict(row).values())[2:]) for row in lines], header)
-            )
-        if symmetry is not None:
-            typer.echo(f"\nsymmetry: {symmetry}")
-    finish(outcome)
+        rows = () if found.axial is None else found.axial.table()
+        lines = [(str(row.mode), row.omega, row.Omega, row.tau, row.dV, row.dS, row.outcome) for row in rows]
+    if problem.scales is not None:
+        header = (*header, "f [Hz]")
+        hertz = [None if row.omega is None else row.omega * problem.scales.frequency for row in rows]
+        lines = [(*line, one) for line, one in zip(lines, hertz, strict=True)]
+    return table(lines, header)
 
 
 @speaking

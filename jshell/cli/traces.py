@@ -72,6 +72,10 @@ def simulate(
     wall_dilatation: WallDilatation = None,
     retardation: Retardation = None,
     reynolds: ReynoldsLaw = False,
+    symmetry: Annotated[
+        bool,
+        typer.Option("--symmetry", help="Say whether the dimple is round, and how fast it leaves that if not."),
+    ] = False,
     checkpoint: Annotated[
         Path | None, typer.Option("--checkpoint", help="Keep the run in this file; the same command continues it.")
     ] = None,
@@ -120,6 +124,7 @@ def simulate(
             pressure=pressure,
             forcing=added,
             losses=lost,
+            symmetry=symmetry,
             checkpoint=checkpoint,
             progress=progress,
             **finer,
@@ -138,13 +143,15 @@ def simulate(
         "V_over_V0": settled(trace, "V") / jshell.shell.SPHERE_VOLUME if ok else None,
         "S_over_S0": settled(trace, "S") / jshell.shell.SPHERE_AREA if ok else None,
     }
+    said = {key: text for key, text in trace.settings if key == "symmetry"}
     if as_json:
         pictures = {"film": film, "gif": gif}
         drawn = {key: str(path) for key, path in pictures.items() if path is not None}
-        say({"out": str(out), "outcome": outcome, **numbers, **drawn, "conditions": problem.record()})
+        say({"out": str(out), "outcome": outcome, **numbers, **said, **drawn, "conditions": problem.record()})
     else:
         words = {"t_dip": "dip at t", "V_over_V0": "settles at V/V0", "S_over_S0": "settles at S/S0"}
-        typer.echo(table([(words[key], value) for key, value in numbers.items()], (str(out), "value")))
+        rows: list[tuple] = [(words[key], value) for key, value in numbers.items()]
+        typer.echo(table([*rows, *said.items()], (str(out), "value")))
     finish(outcome)
 
 

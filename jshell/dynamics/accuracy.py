@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jshell.dynamics.modes import Modes, modes
+from jshell.dynamics.modes import modes
 from jshell.dynamics.simulate import LONGEST_STEP, simulate, volume_apart
+from jshell.dynamics.vibrations import Modes
 from jshell.errors import Outcome
 from jshell.shell.parameters import Reduced
 from jshell.trace import Trace
@@ -50,7 +51,7 @@ def estimate_error(
 
 
 def estimate_modes_error(conditions: Reduced, *, elements: int = 32, **options) -> ModesError:
-    """Errors of modes by those on 1.5 times the elements; takes the options of `modes`."""
+    """Errors of modes by those on 1.5 times the elements; takes the options of `modes`, azimuth aside."""
     coarse = modes(conditions, elements=elements, **options)
     fine = modes(conditions, elements=round(REFINED * elements), **options)
     good = (np.asarray(coarse.outcome) == Outcome.OK) & (np.asarray(fine.outcome) == Outcome.OK)

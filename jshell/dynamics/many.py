@@ -16,7 +16,7 @@ from jshell.errors import BadShape, BadValue
 from jshell.shell.parameters import Reduced
 from jshell.trace import Trace
 
-NOT_IN_BATCHES = ("start", "displacement", "velocity", "checkpoint", "progress", "throw", "tolerance")
+NOT_IN_BATCHES = ("start", "displacement", "velocity", "checkpoint", "progress", "throw", "tolerance", "symmetry")
 
 
 def simulate_many(conditions: Reduced, *, devices: Sequence | None = None, **options) -> Trace:
@@ -25,7 +25,8 @@ def simulate_many(conditions: Reduced, *, devices: Sequence | None = None, **opt
     Args:
         conditions: The problems; each field a number or (shells,).
         devices: Where to run; all devices of the default kind unless given. The batch is shared evenly.
-        options: Those of `simulate`, the same for all; no start, checkpoint, progress, throw or tolerance.
+        options: Those of `simulate`, the same for all; no start, checkpoint, progress, throw,
+            tolerance or symmetry.
 
     Returns:
         A trace whose times, channels and outcome are (shells, …). A shell whose run ended early repeats its last

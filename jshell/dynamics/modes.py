@@ -1,121 +1,42 @@
-"""Small vibrations of a shell about its rest shape.
+"""Small vibrations of a shell about its rest shape, of every order around the axis: the door.
 
-A shell in a liquid at rest rings with complex rates s and shapes v,
+m = 0 keeps the axial symmetry of the shell, m >= 1 varies as cos mφ around it.
 
-    (K + s Z(s)) v = 0,   s = -1/τ + iΩ ,
-
-Z the impedance of the liquid: exact at any viscosity, or by orders of a thin
-Stokes layer. Modes are numbered as the undamped ones they are followed from.
-
-Symbols    ω = |s| intrinsic frequency   Ω damped frequency   τ decay time   dV, dS mode's change of V and S
-Valid for  small amplitude; `second` and `layer` for a layer thin against the shell
-Source     Mokbel et al. 2021: ω² = Ω² + 1/τ²; `jshell.flow` for the liquids, `roots` for how they are found
+Symbols    m order around the axis   η̂ viscosity   δ = √(2η̂/ω) thickness of the Stokes layer [R0]
+Valid for  as `vibrations` (m = 0) and `azimuthal` (m >= 1)
+Source     `vibrations`, `azimuthal`
 """
 
 import warnings
-from dataclasses import dataclass
+from collections.abc import Sequence
+from typing import overload
 
-import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, Complex, Float, Int
 
-from jshell.contour import NO_WEAK_SPOT, WeakSpot, area, volume
-from jshell.display import FREQUENCY, TIME, ended, number, readable, shown
-from jshell.dynamics.roots import Liquid, Matrices, Roots, check_liquid, matrices, roots
-from jshell.errors import BadValue, Outcome, RangeWarning
-from jshell.membrane import RestShape, rest
+from jshell.contour import NO_WEAK_SPOT, WeakSpot
+from jshell.dynamics.all_modes import AllModes, checked_azimuth
+from jshell.dynamics.azimuthal import LIQUID_AROUND, check_count, check_order_liquid, orders_about, warn_of_thick_order
+from jshell.dynamics.roots import Liquid, check_liquid
+from jshell.dynamics.vibrations import Modes, vibrations
+from jshell.errors import BadValue, RangeWarning
+from jshell.membrane import rest
 from jshell.membrane.energy import Area
 from jshell.membrane.equilibrium import raise_unless_ok
 from jshell.membrane.rest import Branch
 from jshell.shell.parameters import Reduced
-from jshell.undetermined import undetermined
 
-RESIDUAL = 1e-8
 THICKEST = {"layer": 0.1, "second": 0.25}  # √(2η̂/ω) up to which each order is off by 15 and 5 % in τ at most [R0]
-SAME_ROOT = 1e-6  # relative
-LOSSLESS = 1e-12  # a decay slower than this against |s| is none
-OSCILLATES = 0.2  # Im s over |s|: below it a mode falls to 4e-14 within what would be one period
 
 
-@dataclass(frozen=True)
-class Mode:
-    """One mode as a table shows it; None where its outcome leaves nothing to say.
-
-    Attributes:
-        mode: Its number, from 1.
-        omega, Omega: |s| and Im s [1/time]; None for an overdamped mode.
-        tau: Decay time [time]; None without loss.
-        dV, dS: Change of volume [R0³] and area [R0²] along it, vᵀM v = 1.
-        outcome: `ok`, `overdamped`, or why there is nothing.
-    """
-
-    mode: int
-    omega: float | None
-    Omega: float | None
-    tau: float | None
-    dV: float | None
-    dS: float | None
-    outcome: str
-
-
-class Modes(eqx.Module):
-    """Small vibrations, numbered from the slowest of the undamped ones; arrays are (modes,).
-
-    Attributes:
-        omega: Intrinsic frequency |s|, ω² = Ω² + 1/τ²; NaN where nothing oscillates [1/time].
-        Omega: Damped frequency Im s; NaN where nothing oscillates [1/time].
-        tau: Decay time -1/Re s; infinite without loss [time].
-        dV, dS: Change of volume [R0³] and area [R0²] along the mode, vᵀM v = 1, dV >= 0.
-        shapes: (modes, coordinates) the mode itself, complex where there is loss.
-        rate: Complex rate s = -1/τ + iΩ [1/time].
-        outcome: Integer of `Outcome` per mode: ok; overdamped where Im s < 0.2 |s|: what moves there creeps back,
-            at about 1/τ, and has no frequency; not_converged where a root was lost, or how the rest shape ended:
-            all numbers are NaN then.
-        rest: The shape they are vibrations of.
-    """
-
-    omega: Float[Array, "modes"]
-    Omega: Float[Array, "modes"]
-    tau: Float[Array, "modes"]
-    dV: Float[Array, "modes"]
-    dS: Float[Array, "modes"]
-    shapes: Complex[Array, "modes coordinates"]
-    rate: Complex[Array, "modes"]
-    outcome: Int[Array, "modes"]
-    rest: RestShape
-
-    @readable
-    def __repr__(self) -> str:
-        return shown(
-            self,
-            f"ω {number(self.omega, FREQUENCY)}",
-            f"τ {number(self.tau, TIME)}",
-            f"dV {number(self.dV, 'R0³')}",
-            ended(self.outcome),
-        )
-
-    def table(self) -> tuple[Mode, ...]:
-        """The modes as rows of plain numbers."""
-        rows = []
-        for k, outcome in enumerate(np.asarray(self.outcome).tolist(), 1):
-            word = Outcome(outcome).word
-            if outcome not in (Outcome.OK, Outcome.OVERDAMPED):
-                rows.append(Mode(k, None, None, None, None, None, word))
-                continue
-            measured = (self.omega, self.Omega, self.tau, self.dV, self.dS)
-            omega, Omega, tau, dV, dS = (x if np.isfinite(x := float(part[k - 1])) else None for part in measured)
-            rows.append(Mode(k, omega, Omega, tau, dV, dS, word))
-        return tuple(rows)
-
-
+@overload
 def modes(
     conditions: Reduced,
     *,
+    azimuth: None = None,
     count: int = 4,
-    liquid: Liquid | str = "exact",
+    liquid: Liquid | str | None = None,
     stokes_layer: bool | None = None,
     branch: Branch | str = "buckled",
     elements: int = 32,
@@ -123,25 +44,62 @@ def modes(
     weak_spot: WeakSpot = NO_WEAK_SPOT,
     area: Area | str = "current",
     throw: bool = False,
-) -> Modes:
+) -> Modes: ...
+
+
+@overload
+def modes(
+    conditions: Reduced,
+    *,
+    azimuth: int | Sequence[int],
+    count: int = 4,
+    liquid: Liquid | str | None = None,
+    branch: Branch | str = "buckled",
+    elements: int = 32,
+    attached: float = 0.0,
+    weak_spot: WeakSpot = NO_WEAK_SPOT,
+    area: Area | str = "current",
+    throw: bool = False,
+) -> AllModes: ...
+
+
+def modes(
+    conditions: Reduced,
+    *,
+    azimuth: int | Sequence[int] | None = None,
+    count: int = 4,
+    liquid: Liquid | str | None = None,
+    stokes_layer: bool | None = None,
+    branch: Branch | str = "buckled",
+    elements: int = 32,
+    attached: float = 0.0,
+    weak_spot: WeakSpot = NO_WEAK_SPOT,
+    area: Area | str = "current",
+    throw: bool = False,
+) -> Modes | AllModes:
     """Small vibrations about a rest shape; differentiable and vmappable in the conditions.
 
     Args:
         conditions: The problem without units.
-        count: How many modes, slowest first; oscillating ones only, the translation left out.
+        azimuth: Orders m around the axis, as (0, 1, 2, 3); `AllModes` come back then. By default the axisymmetric
+            `Modes` alone.
+        count: How many modes of each order, slowest first; oscillating ones only, the translation left out.
         liquid: What the liquid is: `exact`, viscous at any η̂; `second`, a Stokes layer to second order, a tenth
             of the work and right to 0.6 % in τ at η̂ = 0.004, 2 % at 0.013; `layer`, to first order, which makes τ
-            a fifth too long at η̂ = 0.004; `ideal`, without viscosity.
+            a fifth too long at η̂ = 0.004; `ideal`, without viscosity. By default `exact` for m = 0 and `second`
+            for m >= 1, where the exact one is not known.
         stokes_layer: Deprecated: True is `layer`, False is `ideal`.
         branch, elements, attached, weak_spot, area: As in `jshell.membrane.rest`.
         throw: Raise `NotOk` unless rest shape and all modes are ok (outside `jit` only).
 
     Raises:
-        BadName: No such liquid.
-        BadValue: `count` is not between 1 and a quarter of the coordinates.
+        BadName: No such liquid; `exact` asked for m >= 1.
+        BadValue: `count` is not between 1 and a quarter of the coordinates (m = 0) or of the elements (m >= 1); an
+            order is not a whole number from 0 to 40.
 
     Warns:
-        RangeWarning: A Stokes layer too thick for `layer` (0.1 R0) or `second` (0.25 R0), with the exact modes.
+        RangeWarning: A Stokes layer too thick for `layer` (0.1 R0) or `second` (0.25 R0), with the exact modes; or,
+            of m >= 1, thicker than half the length over which the motion varies.
 
     Example:
         >>> import jshell as js
@@ -157,7 +115,14 @@ def modes(
             DeprecationWarning,
             stacklevel=2,
         )
-    check_liquid(liquid)
+    orders = (0,) if azimuth is None else checked_azimuth(azimuth)
+    beyond = tuple(m for m in orders if m)
+    along = "exact" if liquid is None else liquid
+    around = LIQUID_AROUND if liquid is None else liquid
+    check_liquid(along)
+    if beyond:
+        check_order_liquid(around)
+        check_count(count, elements)
     if not 1 <= count <= elements // 2:
         raise BadValue(
             "count", found=repr(count), expected=f"1 to {elements // 2}", remedy="Raise `elements` for more modes."
@@ -166,11 +131,16 @@ def modes(
     state = rest(
         conditions, branch=branch, elements=elements, attached=attached, weak_spot=weak_spot, area=area, throw=throw
     )
-    found = vibrations(state, conditions, count, liquid, area)
+    axial = vibrations(state, conditions, count, along, area) if 0 in orders else None
+    others = orders_about(state, beyond, count, around) if beyond else None
+    found = AllModes(axial, others)
     if throw:
-        raise_unless_ok("modes", jnp.max(found.outcome))
-    _warn_of_thick_layer(found, conditions, liquid, area)
-    return found
+        raise_unless_ok("modes", found.worst)
+    if axial is not None:
+        _warn_of_thick_layer(axial, conditions, along, area)
+    if others is not None:
+        warn_of_thick_order(others, around)
+    return axial if azimuth is None and axial is not None else found
 
 
 def _warn_of_thick_layer(found: Modes, conditions: Reduced, liquid: str, area: Area | str) -> None:
@@ -193,42 +163,3 @@ def _warn_of_thick_layer(found: Modes, conditions: Reduced, liquid: str, area: A
         RangeWarning,
         stacklevel=3,
     )
-
-
-@eqx.filter_jit
-def vibrations(state: RestShape, conditions: Reduced, count: int, liquid: Liquid | str, area: Area | str) -> Modes:
-    """Small vibrations about a given rest shape."""
-    parts = matrices(state, conditions, liquid, area)
-    viscosity = jnp.zeros(()) if liquid == "ideal" else conditions.viscosity
-    found = roots(parts, viscosity, count)
-    # two paths that ended on one root: one of the modes was lost
-    size = jnp.abs(found.s)
-    apart = jnp.abs(found.s[:, None] - found.s[None]) + jnp.eye(count) * size[:, None]
-    doubled = jnp.min(apart, axis=1) < SAME_ROOT * size
-    return _measure(state, parts, found._replace(residual=jnp.where(doubled, jnp.inf, found.residual)))
-
-
-def _measure(state: RestShape, parts: Matrices, found: Roots) -> Modes:
-    shape, q, s, v = state.meridian, state.coordinates, found.s, found.vectors
-    slope_V = shape.free(jax.grad(lambda q: volume(shape, q))(q))
-    slope_S = shape.free(jax.grad(lambda q: area(shape, q))(q))
-
-    size = jnp.sqrt(jnp.abs(jnp.sum(v.conj() * (v @ parts.M.T), axis=1)))
-    v = v / size[:, None]
-    dV = v @ slope_V
-    phase = jnp.where(jnp.abs(dV) > 1e-12, dV / jnp.abs(dV), 1.0)
-    v = v / phase[:, None]
-
-    creeps = ~(jnp.imag(s) > OSCILLATES * jnp.abs(s))
-    lost = ~(found.residual < RESIDUAL) | ~(jnp.imag(s) > 0)
-    outcome = jnp.where(creeps, Outcome.OVERDAMPED, Outcome.OK)
-    outcome = jnp.where(lost, Outcome.NOT_CONVERGED, outcome)
-    outcome = jnp.where(state.outcome != Outcome.OK, state.outcome, outcome)
-    decays = -jnp.real(s) > LOSSLESS * jnp.abs(s)
-    tau = jnp.where(decays, -1 / jnp.where(decays, jnp.real(s), -1.0), jnp.inf)
-    whole = jnp.zeros((s.shape[0], q.shape[0]), complex).at[:, shape.active].set(v)
-    nothing = (outcome != Outcome.OK) & (outcome != Outcome.OVERDAMPED)
-    omega, Omega = undetermined(creeps | nothing, (jnp.abs(s), jnp.imag(s)))
-    numbers = tau, jnp.real(v @ slope_V), jnp.real(v @ slope_S), whole, s
-    tau, dV, dS, shapes, rate = undetermined(nothing, numbers)
-    return Modes(omega, Omega, tau, dV, dS, shapes, rate, outcome, state)

@@ -16,8 +16,8 @@ from jaxtyping import Array, Float
 
 from jshell.contour import Meridian, regrade
 from jshell.contour.splines import ParitySplines
-from jshell.dynamics.modes import Modes
 from jshell.dynamics.simulate import Motion
+from jshell.dynamics.vibrations import Modes
 from jshell.errors import BadShape, BadValue
 from jshell.flow.field import FluidField, field
 from jshell.shell.parameters import Number, check

@@ -7,11 +7,10 @@ Source     `jshell.dynamics.azimuthal`
 
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 
-from jshell.dynamics.azimuthal import ORDER_LIQUIDS, order_vibrations
-from jshell.errors import Outcome, choose
+from jshell.dynamics.azimuthal import check_order_liquid, orders_about
+from jshell.errors import Outcome
 from jshell.membrane import RestShape, Stability, stability
 
 
@@ -44,12 +43,11 @@ def roundness(state: RestShape, *, liquid: str = "second") -> Roundness:
         state: From `jshell.membrane.rest`, not batched.
         liquid: As in `azimuthal_modes`.
     """
-    choose("liquid", liquid, ORDER_LIQUIDS)
+    check_order_liquid(liquid)
     found = stability(state)
     unstable = np.asarray(found.orders)[np.asarray(found.eigenvalues) < 0]
     if int(found.outcome) != Outcome.OK or unstable.size == 0:
         return Roundness(found, 0.0, int(found.order))
-    orders = jnp.asarray(unstable)
-    rates = np.real(np.asarray(order_vibrations(found.rest, orders, max(2, int(unstable.max())), 1, liquid).rate))
+    rates = np.real(np.asarray(orders_about(found.rest, unstable.tolist(), 1, liquid).rate))
     fastest = int(np.nanargmax(rates[:, 0]))
     return Roundness(found, float(rates[fastest, 0]), int(unstable[fastest]))

@@ -19,6 +19,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from jshell.contour import WeakSpot, wall_profile
+from jshell.dynamics.asymmetry import computed_symmetry, warn_of_asymmetry
 from jshell.dynamics.checkpoint import Checkpoint
 from jshell.dynamics.losses import Losses
 from jshell.dynamics.refinement import Level, refine
@@ -35,7 +36,7 @@ from jshell.dynamics.run import (
     schedule,
 )
 from jshell.dynamics.starts import relax
-from jshell.dynamics.validity import TOLERATED, series_error, warn_of_asymmetry, warn_of_thick_layer
+from jshell.dynamics.validity import TOLERATED, series_error, warn_of_thick_layer
 from jshell.errors import BadShape, BadValue, Outcome
 from jshell.membrane import RestShape
 from jshell.membrane.energy import Area, check_area
@@ -91,6 +92,7 @@ def simulate(
     follow: bool = False,
     tolerance: float | None = None,
     area: Area | str = "current",
+    symmetry: bool = False,
     checkpoint: Path | str | None = None,
     progress: Callable[[float], None] | None = None,
     throw: bool = False,
@@ -119,6 +121,8 @@ def simulate(
         tolerance: How far V may be from that of a finer mesh and step, over V0: picks elements and step itself,
             from the stress-free sphere only. A run that does not get there has the outcome not_converged.
         area: Which elastic energy.
+        symmetry: Compute whether the dimple is round where it is deepest and at the end, and how fast it leaves its
+            symmetry if not; otherwise the law for free, even walls says so (not under `jit`).
         checkpoint: A file in which the run is kept while it goes on; the same call continues from it.
         progress: Called with the fraction done, now and then.
         throw: Raise `NotOk` unless the run reached its end (outside `jit` only).
@@ -203,6 +207,7 @@ def _run(
     step=LONGEST_STEP,
     follow=False,
     area="current",
+    symmetry=False,
     checkpoint=None,
     progress=None,
     throw=False,
@@ -267,7 +272,11 @@ def _run(
         if error > TOLERATED:
             beside = warn_of_thick_layer(error, conditions, start, shape.elements, shape.attached, spot, area)
             trace = replace(trace, settings=(*trace.settings, *beside))
-    trace = replace(trace, settings=(*trace.settings, *warn_of_asymmetry(trace, conditions)))
+    if symmetry:
+        said = computed_symmetry(trace, conditions, start, shape.elements, shape.attached, spot, str(area))
+    else:
+        said = warn_of_asymmetry(trace, conditions)
+    trace = replace(trace, settings=(*trace.settings, *said))
     return trace, samples, setup
 
 

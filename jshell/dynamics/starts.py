@@ -10,8 +10,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jshell.contour import volume
-from jshell.dynamics.modes import Modes
 from jshell.dynamics.motion import Body, at_pressure
+from jshell.dynamics.vibrations import Modes
 from jshell.errors import BadValue
 from jshell.flow import flow
 from jshell.membrane import RestShape, potential_energy, stiffness

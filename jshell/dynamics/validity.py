@@ -14,20 +14,16 @@ Source     traces against exact modes, `tests/dynamics/test_losses.py`
 import warnings
 
 import numpy as np
-from jax.core import Tracer
 
 from jshell.contour import NO_WEAK_SPOT, WeakSpot
-from jshell.dynamics.modes import Modes, vibrations
+from jshell.dynamics.vibrations import Modes, vibrations
 from jshell.errors import Outcome, RangeWarning
-from jshell.membrane import RestShape, rest, symmetry_by_law, thinnest_round
-from jshell.membrane.round import words_of_law
-from jshell.shell.elasticity import SPHERE_VOLUME
+from jshell.membrane import RestShape, rest
 from jshell.shell.parameters import Reduced
 from jshell.trace import Trace
 
 SERIES_ERROR = 0.2  # of τ at most, over x²
 TOLERATED = 0.05  # of τ: beyond it a run warns
-THIN = 0.05  # d̂: a dimple of V/V0 > 0 in a thicker wall is round
 SHOWN = 2  # exact modes beside a run that warns
 
 
@@ -79,22 +75,6 @@ def warn_of_thick_layer(
         words += f"; exact modes about the rest shape: {'; '.join(modes)}"
     warnings.warn(words, RangeWarning, stacklevel=5)
     return tuple(settings)
-
-
-def warn_of_asymmetry(trace: Trace, conditions: Reduced) -> tuple[tuple[str, str], ...]:
-    """What the law says of the dimple of a thin shell at its deepest, as a setting of the trace; warns if not round."""
-    said = dict(trace.settings)
-    given = trace["V"], conditions.thickness, conditions.poisson_ratio
-    unknown = any(isinstance(number, Tracer) for number in given)
-    if unknown or ("ramp" in said and "buckled_at" not in said):
-        return ()  # a sphere that is compressed has no dimple
-    thickness, ratio = float(conditions.thickness), float(np.nanmin(np.asarray(trace["V"]))) / SPHERE_VOLUME
-    nu = float(conditions.poisson_ratio)
-    if thickness < thinnest_round(ratio, nu):
-        warnings.warn(words_of_law(thickness, ratio, nu), RangeWarning, stacklevel=5)
-    elif thickness >= THIN:
-        return ()
-    return (("symmetry", symmetry_by_law(thickness, ratio, nu)),)
 
 
 def _exact(conditions: Reduced, start, elements, attached, spot, area) -> Modes:

@@ -20,8 +20,8 @@ from jaxtyping import Array, Complex, Float
 
 from jshell.contour import Meridian, area, thinned, volume, with_pad
 from jshell.contour.splines import ParitySplines
-from jshell.dynamics.modes import RESIDUAL
 from jshell.dynamics.roots import matrices, roots
+from jshell.dynamics.vibrations import RESIDUAL
 from jshell.errors import Outcome
 from jshell.membrane import stiffness, wall
 from jshell.membrane.equilibrium import RestShape, cached_meridian, find, settle

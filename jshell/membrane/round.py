@@ -24,6 +24,8 @@ from jshell.membrane.stability import stability
 
 LAW = 0.050  # of d̂ over √(1 - V/V0)
 FITTED = (0.35, 0.96)  # V/V0
+THICK = 0.055  # d̂ of a wall that is round at any volume and ν, by eigenvalues down to V/V0 = 0.35
+EVEN = 1e-12  # relative change of the thickness along an even wall
 NEAR = 1.25  # ratio of d̂ to the law, either way, within which the eigenvalues are computed
 
 
@@ -53,6 +55,19 @@ def symmetry_by_law(thickness: float, volume_ratio: float, poisson_ratio: float 
     inside = FITTED[0] <= volume_ratio <= FITTED[1]
     beyond = "" if inside else f", beyond the V/V0 {FITTED[0]} to {FITTED[1]} it was fitted in"
     return f"{'round' if is_round else 'not round'} {law} at V/V0 = {volume_ratio:.3g}{beyond}"
+
+
+def law_holds(thickness: float, volume_ratio: float) -> bool:
+    """Whether the law was fitted at a volume, or the wall is so thick that a dimple is round at any."""
+    return thickness >= THICK or FITTED[0] <= volume_ratio <= FITTED[1]
+
+
+def law_of(found: RestShape) -> str:
+    """What the law says of one rest shape whose numbers are known, and that it is none for its holder or weak spot."""
+    c = found.conditions
+    said = symmetry_by_law(float(c.thickness), float(found.volume_ratio), float(c.poisson_ratio))
+    plain = not found.meridian.attached and bool(np.all(np.abs(np.asarray(found.profile) - 1) < EVEN))
+    return said if plain else f"{said}, which is of free shells with even walls"
 
 
 def symmetry_words(found: RestShape) -> str | None:

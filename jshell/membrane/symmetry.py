@@ -9,6 +9,7 @@ Valid for  free shells without a weak spot
 Source     zeros of the eigenvalues of `stability`
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import equinox as eqx
@@ -32,7 +33,8 @@ TRIES = 20
 DEEPEST, SHALLOWEST = 0.3, 0.97  # V/V0 between which a critical thickness is sought: there the law is a start
 BESIDE = 0.01  # relative distance of the second thickness from the first
 EXACT = 1e-5  # relative, of a critical thickness
-FAR = 0.2  # of the law's thickness: no loss of symmetry is that far from it
+FAR = 0.2  # of the law's thickness or volume taken: no loss of symmetry is that far from it
+THINNEST, THICKEST = 0.002, 0.042  # d̂ between which a critical volume is sought
 
 
 @dataclass(frozen=True)
@@ -169,18 +171,72 @@ def critical_thickness(
         shape = moved
         return d, *_softest(moved, orders)
 
-    # eigenvalues of near thicknesses lie nearly on a line: secants, from the law on
+    found = _zero(at, guess)
+    if found is None:
+        return CriticalThickness(None, None, Outcome.NOT_CONVERGED)
+    return CriticalThickness(*found, Outcome.OK)
+
+
+def critical_volume(
+    thickness: float, *, poisson_ratio: float = 0.5, area: Area | str = "current", elements: int = 64
+) -> SymmetryLoss:
+    """Volume at which a free, even shell loses its axial symmetry as it deflates, from the eigenvalues beside the law.
+
+    What `symmetry_loss` finds along a branch, without the branch: of thin shells that is very long.
+
+    Args:
+        thickness: d̂ [-], from 0.002, below which there are no rest shapes, to 0.042.
+        poisson_ratio, area: Of the wall.
+        elements: Of the meridian, crowded at the rim.
+
+    Raises:
+        BadValue: A thickness out of range.
+    """
+    check_area(area)
+    if not THINNEST <= thickness <= THICKEST:
+        raise BadValue(
+            "thickness",
+            found=repr(thickness),
+            expected=f"d_hat from {THINNEST} to {THICKEST}",
+            remedy="Of thinner shells the law alone says something; thicker ones are round at any usual volume.",
+        )
+    share = (thickness / float(thinnest_round(0.0, poisson_ratio))) ** 2
+    conditions = Reduced(thickness, 1.0, 1.0, 0.0, 1.4, poisson_ratio).as_arrays()
+    orders = jnp.asarray(usual_orders(thickness))
+    plain = jnp.asarray(NO_WEAK_SPOT.depth), jnp.asarray(NO_WEAK_SPOT.width)
+    start = jnp.asarray(1 - share)
+    shape = find(cached_meridian(elements, 0.0), conditions, plain, "buckled", str(area), start, True)
+
+    def at(taken: float) -> tuple[float, float, int] | None:
+        nonlocal shape
+        moved = _moved(shape, 1 - taken, conditions, str(area))
+        if int(moved.outcome) != Outcome.OK:
+            return None
+        shape = moved
+        return taken, *_softest(moved, orders)
+
+    found = _zero(at, share)
+    if found is None:
+        return SymmetryLoss(None, None, None, 1.0, Outcome.NOT_CONVERGED)
+    return SymmetryLoss(1 - found[0], float(shape.difference), found[1], 1 - found[0], Outcome.OK)
+
+
+def _zero(at: Callable[[float], tuple[float, float, int] | None], guess: float) -> tuple[float, int] | None:
+    """Where the lowest eigenvalue vanishes near a guess, and its order: eigenvalues of near shapes lie nearly on a
+    line, so by secants; None where a shape is not found, or no zero lies near."""
     before, here = at(guess), at(guess * (1 + BESIDE))
     for _ in range(TRIES):
         if before is None or here is None or before[1] == here[1]:
             break
         step = -here[1] * (here[0] - before[0]) / (here[1] - before[1])
         if abs(step) < EXACT * here[0]:
-            return CriticalThickness(here[0] + step, here[2], Outcome.OK)
-        if abs(step) > FAR * guess:
+            return here[0] + step, here[2]
+        # of several orders the lowest has kinks
+        step = float(np.clip(step, -FAR / 4 * guess, FAR / 4 * guess))
+        if abs(here[0] + step - guess) > FAR * guess:
             break
         before, here = here, at(here[0] + step)
-    return CriticalThickness(None, None, Outcome.NOT_CONVERGED)
+    return None
 
 
 @eqx.filter_jit

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from jshell.calibration.report import FitResult
-from jshell.dynamics.modes import Modes
+from jshell.dynamics.vibrations import Modes
 from jshell.membrane import RestShape
 from jshell.plot.frequencies import master_curve
 from jshell.plot.shapes import mode_shape, rest_shape

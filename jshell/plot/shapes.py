@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jshell.contour import Meridian
-from jshell.dynamics.modes import Modes
+from jshell.dynamics.vibrations import Modes
 from jshell.errors import BadShape, BadValue, Outcome
 from jshell.membrane import RestShape
 from jshell.plot.style import BLACK, FAST, GREY, PALE, PALETTE, SLOW, SQUARE, Axes, axes_or_new, style

@@ -18,7 +18,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jshell.dynamics.modes import Modes, modes
+from jshell.dynamics.azimuthal import orders_about
+from jshell.dynamics.modes import modes
+from jshell.dynamics.vibrations import Modes
 from jshell.errors import Outcome
 from jshell.membrane import RestShape, stability
 from jshell.service.problems import Refused
@@ -27,6 +29,7 @@ from jshell.shell.parameters import Reduced
 
 ELEMENTS, COUNT = 24, 4  # ω to 1e-6
 ORDERS, THINNEST = range(1, 17), 0.016  # of `stability`: what a shell of that thickness can lose its symmetry by
+AROUND = (1, 2, 3)  # orders whose slowest vibration is told
 EVERY = 2  # Gauss points of an outline that are drawn
 DIGITS = 4  # behind the point, of an outline in R0
 PATIENCE, LONG_PATIENCE = 5.0, 20.0  # seconds that a request waits for its turn
@@ -93,16 +96,21 @@ def answer(conditions: Reduced) -> dict[str, Any]:
 
 
 def exact(conditions: Reduced) -> dict[str, Any]:
-    """Two modes in the exact liquid, and whether the shape is round."""
+    """Two modes in the exact liquid, whether the shape is round, and the slowest vibration of each order around it.
+
+    Those are in a layer to second order; the exact liquid is known for m = 0 only.
+    """
 
     def both() -> dict[str, Any]:
         drawn = jax.block_until_ready(_all(conditions.as_arrays(), "exact", 2))
-        rest, verdict = drawn.found.rest, None
+        rest, verdict, around = drawn.found.rest, None, ()
         if int(rest.outcome) == Outcome.OK and float(conditions.thickness) >= THINNEST:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 verdict = stability(rest, orders=ORDERS, elements=2 * ELEMENTS).verdict
-        return {"modes": [vars(row) for row in drawn.found.table()], "verdict": verdict}
+                around = orders_about(rest, AROUND, 1).table()
+        rows = [vars(row) for row in drawn.found.table()]
+        return {"modes": rows, "verdict": verdict, "around": [vars(row) for row in around]}
 
     return _in_turn(_LONG_TURN, LONG_PATIENCE, both)
 

@@ -133,6 +133,8 @@ def test_a_dimple_is_said_to_be_round_by_the_law(undisturbed):
     result = found.where(family="gas")[0]
     thin = dataclasses.replace(result, run=dataclasses.replace(result.run, d_hat=0.01))
     assert symmetry(thin) == "not round (law)"
+    near = dataclasses.replace(thin, findings=dataclasses.replace(result.findings, V_e_over_V0=0.99))
+    assert symmetry(near) == "round (law, beyond its range)"
 
 
 def test_runs_that_ask_for_nothing_new_keep_their_names():

@@ -10,21 +10,29 @@ import numpy as np
 import pytest
 
 from jshell import dynamics, membrane
-from jshell.dynamics.azimuthal import order_vibrations
+from jshell.contour import height, width
+from jshell.dynamics.azimuthal import order_vibrations, warn_of_thick_order
+from jshell.errors import BadName, BadValue, RangeWarning
 from jshell.membrane.stability import spectrum
 
 FOURIER = json.loads((Path(__file__).parents[1] / "data" / "reference" / "fourier.json").read_text())
+ELEMENTS = 24
 ORDERS = jnp.arange(1, 5)
 
 
 @pytest.fixture(scope="module")
-def ideal(rest_R):
-    return order_vibrations(rest_R, ORDERS, 4, 2, "ideal")
+def every(R):
+    return dynamics.modes(R, azimuth=range(5), liquid="ideal", elements=ELEMENTS)
+
+
+@pytest.fixture(scope="module")
+def ideal(every):
+    return every.around
 
 
 def test_frequencies_of_R_are_those_of_another_code(ideal):
     expected = [FOURIER["frequencies_R"][str(m)] for m in range(1, 5)]
-    np.testing.assert_allclose(ideal.omega, expected, rtol=1e-4)
+    np.testing.assert_allclose(ideal.omega[:, :2], expected, rtol=1e-4)
     assert np.all(np.isinf(ideal.tau))
     assert np.all(np.asarray(ideal.outcome) == 0)
 
@@ -34,10 +42,49 @@ def test_only_even_orders_change_the_width(ideal):
     assert np.all(ideal.dW[1::2] > 0)
 
 
+def test_every_order_comes_in_one_table(every, undamped_R):
+    np.testing.assert_array_equal(every.axial.omega, undamped_R.omega)
+    rows = every.table()
+    assert [row.omega for row in rows] == sorted(row.omega for row in rows)
+    assert len(rows) == 5 * 4
+    # another code has m = 2 at 1.339 and m = 1 at 1.396 between the two frequencies of m = 0
+    assert [row.azimuth for row in every.between(*map(float, undamped_R.omega[:2]))] == [2, 1]
+    assert [row.seen for row in rows[:2]] == ["V, S, H, W, outline", "outline, W; H twice a period"]
+    assert "m = 4" in repr(every)
+
+
+@pytest.mark.slow
+def test_height_and_width_move_along_an_axisymmetric_mode_as_they_do_from_shape_to_shape(every):
+    shape, q, size = every.rest.meridian, every.rest.coordinates, 1e-4
+    for row in (row for row in every.table() if row.azimuth == 0):
+        way = jnp.real(every.axial.shapes[row.mode - 1])
+        for change, measure in ((row.dH, height), (row.dW, width)):
+            apart = float(measure(shape, q + size * way) - measure(shape, q - size * way)) / (2 * size)
+            assert change == pytest.approx(abs(apart), abs=1e-6)
+
+
+def test_the_exact_liquid_is_refused_where_it_is_not_known(R):
+    for ask in (dynamics.modes, dynamics.azimuthal_modes):
+        with pytest.raises(BadName, match=r"m = 0 only.*'second'.* 0.7 %"):
+            ask(R, azimuth=(1, 2), liquid="exact")
+    for orders in ((), (-1,), 41):
+        with pytest.raises(BadValue, match="azimuth"):
+            dynamics.modes(R, azimuth=orders)
+
+
+def test_a_layer_that_is_thick_against_the_waves_around_is_warned_of(ideal):
+    def at(viscosity):
+        return eqx.tree_at(lambda found: found.rest.conditions.viscosity, ideal, jnp.asarray(viscosity))
+
+    warn_of_thick_order(at(0.004), "second")
+    with pytest.warns(RangeWarning, match=r"at m = \d the Stokes layer .*'second'"):
+        warn_of_thick_order(at(0.05), "second")
+
+
 @pytest.mark.slow
 def test_a_layer_slows_and_damps_every_order(rest_R, ideal):
     found = order_vibrations(rest_R, ORDERS, 4, 2, "second")
-    assert np.all(found.omega < ideal.omega)
+    assert np.all(found.omega < ideal.omega[:, :2])
     assert np.all((found.tau > 1) & (found.tau < 10))
 
 

@@ -11,7 +11,7 @@ from scipy.special import kv
 from jshell.contour import regrade
 from jshell.contour.splines import ParitySplines
 from jshell.dynamics import azimuthal_modes, modes
-from jshell.dynamics.modes import OSCILLATES, vibrations
+from jshell.dynamics.vibrations import OSCILLATES, vibrations
 from jshell.errors import BadName, BadValue, NotOk, Outcome, RangeWarning
 from jshell.membrane import rest, wall
 from jshell.membrane.rest import cached_meridian

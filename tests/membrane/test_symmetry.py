@@ -100,3 +100,22 @@ def test_the_first_loss_along_the_branch_is_that_of_another_code(make_problem):
     # 0.5 % of the thickness is 1 % of 1 - V/V0
     assert found.volume_ratio == pytest.approx(FIRST["V"], abs=0.01 * (1 - FIRST["V"]))
     assert found.order == FIRST["m"]
+
+
+@pytest.mark.slow
+def test_a_volume_is_lost_where_a_thickness_is():
+    found = membrane.critical_volume(FIRST["d"])
+    # as along the branch; 1e-4 is the last digit of the other code
+    assert found.volume_ratio == pytest.approx(FIRST["V"], abs=1e-4)
+    assert found.order == FIRST["m"]
+    back = membrane.critical_thickness(found.volume_ratio)
+    assert back.thickness == pytest.approx(FIRST["d"], rel=1e-4)
+    agent = membrane.critical_volume(0.005)
+    # 1 - V/V0 is (d_hat/0.05)^2 by the law, which was fitted to thicker walls
+    assert 1 - agent.volume_ratio == pytest.approx(0.01, rel=0.02)
+
+
+def test_a_critical_volume_is_sought_where_there_are_rest_shapes():
+    for thickness in (0.001, 0.05, -1.0):
+        with pytest.raises(BadValue, match="thickness"):
+            membrane.critical_volume(thickness)

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from jshell import plot
 from jshell.calibration import Estimate, FitResult, fit_trajectories
 from jshell.contour import area, dimple, meridian, volume
-from jshell.dynamics.modes import Modes
+from jshell.dynamics.vibrations import Modes
 from jshell.errors import BadName, BadShape, BadValue, MissingExtra, NotOk, Outcome
 from jshell.membrane import RestShape
 from jshell.oscillator import SOURCE, squared_frequencies

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jshell as js
-from jshell.dynamics.modes import vibrations
+from jshell.dynamics.vibrations import vibrations
 from jshell.shell import SPHERE_VOLUME
 
 ELEMENTS, STEP, DURATION = 24, 0.05, 10.0

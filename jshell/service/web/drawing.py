@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from jshell.dynamics.modes import Modes
+from jshell.dynamics.vibrations import Modes
 from jshell.errors import Outcome
 from jshell.plot.shapes import mode_shape, rest_shape
 from jshell.plot.style import new_figure, style

@@ -309,6 +309,14 @@ def test_the_shell_is_drawn_as_the_sliders_move(page, served):
     assert found["modes"][0]["omega"] == pytest.approx(float(modes.omega[0]), rel=1e-9)
     assert f"{found['modes'][0]['omega']:.4g}" in page.inner_text("#shell-modes")
     assert page.get_attribute("#shell .wall", "d") != before
+    # what takes longer follows
+    page.wait_for_selector("#shell-exact:has-text('m = 3')", timeout=PATIENT)
+    around = jshell.modes(jshell.Reduced(0.22, 0.9, 1.7, 0.004), azimuth=(1, 2, 3), count=1, elements=24).around
+    assert around is not None
+    said = page.inner_text("#shell-exact")
+    assert "Symmetry: round" in said
+    for m, omega in zip((1, 2, 3), around.omega[:, 0], strict=True):
+        assert f"m = {m}: ω {float(omega):.4g}" in said
     page.click("#play")  # stands still
     page.check('input[name=shown][value="-1"]')
     page.wait_for_timeout(100)

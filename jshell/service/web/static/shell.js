@@ -73,7 +73,11 @@
         return row;
       }));
       if (!exact) later.textContent = "In a layer to second order; the exact liquid, and whether the shape is round, follow.";
-      else if (exact.verdict) later.textContent = `Out of round: ${exact.verdict} (orders 1 to 16).`;
+      else if (exact.verdict) {
+        const around = exact.around.map((row) => row.growth !== null
+          ? `m = ${row.azimuth} grows at rate ${number(row.growth, 3)}` : `m = ${row.azimuth}: ω ${number(row.omega)}, τ ${number(row.tau)}`);
+        later.textContent = `Symmetry: ${exact.verdict} (orders 1 to 16). Slowest vibrations out of round, which V and S do not see: ${around.join("; ")}.`;
+      }
       else later.textContent = "Whether the shape is round is not asked here.";
     }
     async function get(what, query) {
