@@ -2,6 +2,7 @@
 
 from jshell.inversion.fit import invert
 from jshell.inversion.result import Inversion
+from jshell.inversion.snap import Snap
 from jshell.inversion.unknowns import Unknown
 
-__all__ = ["Inversion", "Unknown", "invert"]
+__all__ = ["Inversion", "Snap", "Unknown", "invert"]

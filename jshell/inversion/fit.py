@@ -16,7 +16,7 @@ import numpy as np
 
 from jshell.calibration import Prior
 from jshell.calibration.noise import Noise
-from jshell.errors import NotOk, Outcome
+from jshell.errors import NotOk, Outcome, choose
 from jshell.inversion.exact import corrected
 from jshell.inversion.model import ELEMENTS, Model, Weighing
 from jshell.inversion.noise import described, examined, first_weighing, misfits, reweighed
@@ -24,7 +24,9 @@ from jshell.inversion.recording import Recording, recording
 from jshell.inversion.response import MODES
 from jshell.inversion.result import Inversion, drawn_up
 from jshell.inversion.search import Ending, information, minimise
+from jshell.inversion.snap import Snap
 from jshell.inversion.starts import starts
+from jshell.inversion.through import Question, through
 from jshell.inversion.unknowns import SI, Unknown, space
 from jshell.trace import Trace
 
@@ -50,6 +52,7 @@ def invert(
     nuisance: bool | None = None,
     exact: bool = True,
     elements: int = ELEMENTS,
+    level: Snap | str = "modal",
     throw: bool = False,
 ) -> Inversion:
     """What shell recordings are of: the simulator's small vibrations fitted to them.
@@ -71,6 +74,8 @@ def invert(
             spot of 0 ± 0.1, unless `known` or `unknown` say more. By default of records with SI units.
         exact: Correct the answer to the exact liquid.
         elements: Of the meridian.
+        level: `modal` for ring-downs; `trace`, or a `Snap` that says how the pressure went, for records through the
+            snap: the whole simulation is fitted, the weak spot sought beside what is asked unless it is known.
         throw: Raise `NotOk` unless the outcome is ok.
 
     Returns:
@@ -87,11 +92,18 @@ def invert(
         >>> trace = js.io.example("attached_R_HW")  # doctest: +SKIP
         >>> print(js.invert(trace, unknown=("youngs_modulus", "gas_pressure")))  # doctest: +SKIP
     """
+    choose("level", level, ("modal", "trace")) if isinstance(level, str) else None
     listed = [traces] if isinstance(traces, Trace) else list(traces)
     asked = unknown if isinstance(unknown, Mapping) else tuple([unknown] if isinstance(unknown, str) else unknown)
     given = _per_recording(known or {}, len(listed))
     si = _in_si(listed, {*asked, *given[0]})
     asked = dict(asked) if isinstance(asked, Mapping) else dict.fromkeys(asked)
+    if level != "modal":
+        snap = Snap() if isinstance(level, str) else level
+        window = None if start is None else float(start), None if stop is None else float(stop)
+        question = Question(listed, given, asked, tuple(local), channels, window, begin, free_rest, si)
+        unsure = nuisances if (si if nuisance is None else nuisance) else None
+        return _finished(through(question, snap, _ring_downs, unsure), throw)
     records = tuple(recording(one, k, channels, start, stop, si) for k, one in enumerate(listed, 1))
     if asked and (si if nuisance is None else nuisance):
         asked |= {n: w for n, w in nuisances(records).items() if n not in asked and n not in given[0]}
@@ -112,6 +124,15 @@ def invert(
     rivals = _rivals(model, best, endings, weighings)
     warnings = misfits(model, best.lefts, noises)
     return _finished(drawn_up(model, best, endings, weighings, noises, notes, warnings, rivals), throw)
+
+
+def _ring_downs(asked: Question) -> Inversion:
+    """The modal level's answer to the same question."""
+    known = {name: [one[name] for one in asked.known] for name in asked.known[0]}
+    return invert(
+        asked.traces, known, asked.asked, local=asked.local, channels=asked.channels, start=asked.window[0],
+        stop=asked.window[1], free_rest=asked.free_rest, nuisance=False, exact=False,
+    )  # fmt: skip
 
 
 def nuisances(records: Sequence[Recording]) -> dict[str, Unknown]:

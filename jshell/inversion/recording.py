@@ -78,29 +78,7 @@ def recording(
         BadName: A channel that the simulator has not, or none.
         UnusableData: Too few samples, or nothing that oscillates.
     """
-    # the opposite pole does not move where a pad holds it, and is a matter of the camera's origin where none does
-    listed = tuple(channels or (name for name in CHANNELS[:4] if name in trace.channels))
-    for name in listed:
-        if name not in CHANNELS or name not in trace.channels:
-            raise BadName(
-                f"channel {name!r}",
-                found="no such channel",
-                expected="one of " + ", ".join(CHANNELS),
-                remedy="Choose one.",
-            )
-    if not listed:
-        raise BadName(
-            f"trace {number}", found="channels " + ", ".join(trace.channels), expected="one of " + ", ".join(CHANNELS),
-            remedy="Name the columns by what they are.",
-        )  # fmt: skip
-    time, length = _units(trace, si)
-    times = np.asarray(trace.times, dtype=float) * time
-    factor = np.array([length ** POWER[name] for name in listed])
-    values = np.stack([np.asarray(trace[name], dtype=float) for name in listed]) * factor[:, None]
-    if not np.all(np.isfinite(values)):
-        raise BadValue(
-            f"trace {number}", found="samples that are no numbers", expected="numbers", remedy="Cut them out."
-        )
+    listed, times, values, factor = channels_of(trace, number, channels, si)
     low = times[0] if start is None else float(start)
     inside = (times >= low) & (times <= (np.inf if stop is None else float(stop)))
     plain = Trace(times[inside], dict(zip(listed, values[:, inside], strict=True)))
@@ -124,6 +102,41 @@ def recording(
         number, listed, np.asarray(plain.times), values, sigma, _rough_noise(values),
         seen.level, seen.Omega, seen.tau, seen.verdict, known, si, trace,
     )  # fmt: skip
+
+
+def channels_of(
+    trace: Trace, number: int, channels: Sequence[str] | None, si: bool
+) -> tuple[tuple[str, ...], np.ndarray, np.ndarray, np.ndarray]:
+    """Names, times (times,), values (channels, times), and what a unit of each channel is, all in one system of units.
+
+    Raises:
+        BadName: A channel that the simulator has not, or none.
+        BadValue: Samples that are no numbers.
+    """
+    # the opposite pole does not move where a pad holds it, and is a matter of the camera's origin where none does
+    listed = tuple(channels or (name for name in CHANNELS[:4] if name in trace.channels))
+    for name in listed:
+        if name not in CHANNELS or name not in trace.channels:
+            raise BadName(
+                f"channel {name!r}",
+                found="no such channel",
+                expected="one of " + ", ".join(CHANNELS),
+                remedy="Choose one.",
+            )
+    if not listed:
+        raise BadName(
+            f"trace {number}", found="channels " + ", ".join(trace.channels), expected="one of " + ", ".join(CHANNELS),
+            remedy="Name the columns by what they are.",
+        )  # fmt: skip
+    time, length = _units(trace, si)
+    times = np.asarray(trace.times, dtype=float) * time
+    factor = np.array([length ** POWER[name] for name in listed])
+    values = np.stack([np.asarray(trace[name], dtype=float) for name in listed]) * factor[:, None]
+    if not np.all(np.isfinite(values)):
+        raise BadValue(
+            f"trace {number}", found="samples that are no numbers", expected="numbers", remedy="Cut them out."
+        )
+    return listed, times, values, factor
 
 
 def _units(trace: Trace, si: bool) -> tuple[float, float]:
@@ -197,6 +210,19 @@ def _ring_down(trace: Trace, names: Sequence[str]) -> float | None:
     if after.size < FEWEST or abs(values[0] - settled) < SNAP * np.max(np.abs(after - settled)):
         return None
     return at + 2 * np.pi * SETTLING / pitch
+
+
+def after_snap(trace: Trace, names: Sequence[str]) -> float:
+    """When the ring-down begins of a record that is known to hold a snap: half a period after the dip, or there."""
+    times, values = np.asarray(trace.times), np.asarray(trace[names[0]])
+    rough = _pitch(times, values)
+    at = dip(Trace(times * rough, {name: np.asarray(trace[name]) for name in names}), names) / rough
+    # the snap itself would be heard in the pitch
+    late = times > at
+    if late.sum() < 2 * FEWEST:
+        return float(times[0]) if late.sum() < FEWEST else at
+    begin = at + 2 * np.pi * SETTLING / _pitch(times[late], values[late])
+    return begin if (times > begin).sum() >= FEWEST else at
 
 
 def _pitch(times: np.ndarray, values: np.ndarray) -> float:

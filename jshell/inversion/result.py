@@ -178,8 +178,10 @@ def drawn_up(
     notes: Sequence[str],
     warnings: Sequence[str],
     rivals: Sequence[Ending] = (),
+    *,
+    doubt: np.ndarray | None = None,
 ) -> Inversion:
-    """The result of a minimum."""
+    """The result of a minimum; `doubt` (unknowns,) is how far the simulator's own error moves it, where known."""
     names, space = model.space.names, model.space
     values, logarithmic = space.to_values(best.u), space.logarithmic
     flat = tuple(one for part in noises for one in part)
@@ -187,7 +189,7 @@ def drawn_up(
         return _nothing(model, best, endings, warnings)
     residual = np.concatenate([one.residual for one in best.lefts])
     errors, linear = _errors(model, best, residual)
-    doubt = doubted(model, best, list(weighings))
+    doubt = doubted(model, best, list(weighings)) if doubt is None else doubt
     errors = _widened(errors, doubt)
     outcome, open_ones, directions = _judged(model, best, errors)
     extra = list(warnings)

@@ -98,7 +98,7 @@ class Seen:
     """
 
     def __init__(self, values: Mapping[str, float], si: bool) -> None:
-        self.names = tuple(SI if si else PLAIN)
+        self.names, self.values = tuple(SI if si else PLAIN), values
         logs = {name: np.log(values[name]) for name in self.names if name not in _SHAPE and values[name] > 0}
         still = {name for name in self.names if name not in _SHAPE and values[name] <= 0}  # no viscosity
 
