@@ -2,7 +2,7 @@
 
 Configuration R of the source, held by a pad of 0.33 rad, is struck so that its slow and its fast mode ring. What a
 camera sees of the simulator's shape: a dark silhouette, 1000 frames a second, a blur of one pixel, noise of 0.5 %, 3 %
-of barrel distortion; the rod comes from below. `attached_R.csv` keeps the height and width that were drawn.
+of barrel distortion; the rod comes from below. `attached_R_drawn.csv` keeps the height and width that were drawn.
 
     python data/films/make_film.py
 """
@@ -74,7 +74,7 @@ def main() -> None:
     Image.fromarray((render_grid(seen) // 257).astype(np.uint8)).save(HERE / "grid.png")
     pixel = RADIUS / SIZE
     sizes = {"H": [np.ptp(one[:, 1]) for one in drawn], "W": [np.ptp(one[:, 0]) for one in drawn]}
-    with (HERE / "attached_R.csv").open("w", encoding="utf-8") as file:
+    with (HERE / "attached_R_drawn.csv").open("w", encoding="utf-8") as file:
         file.write(f"# made by make_film.py: what is drawn in attached_R.tif, pixels of {1e3 * pixel:.6g} mm\n")
         file.write("t [ms],H [mm],W [mm]\n")
         for k, (height, width) in enumerate(zip(*sizes.values(), strict=True)):

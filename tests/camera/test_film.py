@@ -86,7 +86,7 @@ FILMS = Path(__file__).parents[2] / "data" / "films"
 
 
 def test_the_film_that_comes_with_jshell_shows_what_was_drawn():
-    drawn = read_trace(FILMS / "attached_R.csv")
+    drawn = read_trace(FILMS / "attached_R_drawn.csv")
     lens = lens_from_grid(FILMS / "grid.png")
     view = View(pixel=0.0225 / 43.5, lens=lens, holder=(85, 119, 56, 63))
     found = measure(FILMS / "attached_R.tif", view)
