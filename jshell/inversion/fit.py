@@ -66,7 +66,7 @@ def invert(
         local: Unknowns that every recording has for itself, such as outer_pressure.
         channels: Of H, W, V, S, x_front, x_back; by default the first four that are recorded.
         start, stop: Window [s, or time unit]; by default from half a slow period after the dip of a snap.
-        begin: Values to begin at instead of those that the recordings themselves suggest.
+        begin: Values to begin at before those that the recordings themselves suggest.
         free_rest: The values where channels rest are no data: of a camera whose scale or zero is not known.
         nuisance: What no laboratory knows exactly is sought too, from priors: a pad of the header to 0.02 rad, a weak
             spot of 0 ± 0.1, unless `known` or `unknown` say more. By default of records with SI units.
@@ -100,7 +100,9 @@ def invert(
     model = Model(records, whole, elements)
     weighings = [first_weighing(one, tuple(range(_shown(one))), free_rest) for one in records]
 
-    begun = starts(records, whole) if begin is None else whole.to_u(np.array([[begin[n] for n in whole.names]]))
+    begun = starts(records, whole)
+    if begin is not None:
+        begun = np.concatenate([whole.to_u(np.array([[begin[n] for n in whole.names]])), begun])
     endings = _brought_to_rest(model, _from_starts(model, begun, weighings), weighings)
     if endings[0].outcome not in (Outcome.OK, Outcome.AT_BOUND):
         return _finished(drawn_up(model, endings[0], endings, weighings, (), (), ()), throw)

@@ -85,6 +85,21 @@ def test_a_posterior_far_from_its_polynomials_is_not_sound(make_recording, monke
     assert not found.posterior(50, warmup=50, chains=1).sound
 
 
+def test_a_start_that_leads_nowhere_is_not_the_only_one(make_recording):
+    found = invert(make_recording(), tuple(TRUTH), begin={"youngs_modulus": 5e4, "gas_pressure": 5e3})
+    assert found.outcome == Outcome.OK
+    assert len(found.starts) > 1
+    assert abs(found["youngs_modulus"].value - 0.5e6) < 4 * found["youngs_modulus"].stderr
+
+
+def test_the_remedy_of_an_inversion_speaks_of_unknowns(make_recording):
+    unknown, options = SETS["everything of one record"]
+    found = invert(make_recording(), unknown, **options)
+    with pytest.raises(js.NotOk, match="prior"):
+        found.require_ok()
+    assert "load" not in found.report()
+
+
 def test_several_recordings_share_what_they_share(make_recording):
     traces = [make_recording(outer=outer, seed=k) for k, outer in enumerate((1.65, 1.8))]
     found = invert(traces, ("youngs_modulus", "outer_pressure"), local=("outer_pressure",))
