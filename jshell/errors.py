@@ -135,9 +135,10 @@ class NotOk(JshellError, RuntimeError):
 
     code = "not_ok"
 
-    def __init__(self, place: str, outcome: Outcome) -> None:
+    def __init__(self, place: str, outcome: Outcome, advice: str = "") -> None:
         self.outcome = outcome
-        super().__init__(place, found=f"outcome {outcome.word}", expected="outcome ok", remedy=f"{outcome.advice}.")
+        remedy = f"{advice or outcome.advice}."
+        super().__init__(place, found=f"outcome {outcome.word}", expected="outcome ok", remedy=remedy)
 
 
 class WorkerLost(JshellError, RuntimeError):

@@ -2,9 +2,11 @@
 
 An experimenter knows the shell less well than the model: its thickness, its
 modulus, the gas it holds. With the constants taken from elsewhere, two
-frequencies and a decay tell about conditions instead.
+frequencies and a decay tell about conditions instead. The short model describes no simulated record of H and W:
+`jshell.invert` asks the simulator. What is here answers for one release.
 """
 
+import warnings
 from collections.abc import Mapping, Sequence
 
 from jshell.calibration.parameters import Prior
@@ -24,7 +26,10 @@ def fit_conditions(
     constants_error: Mapping[str, float] | None = None,
     **options,
 ) -> FitResult:
-    """Fit conditions of shells, the constants of the model given.
+    """Fit conditions of shells by the short model, its constants given: a former name.
+
+    `jshell.invert` finds them by the simulator, without constants; by the short model they are what
+    `fit_trajectories(fix=…, uncertain=…)` is asked for.
 
     Args:
         traces: With nominal conditions, from which the fit starts.
@@ -48,6 +53,12 @@ def fit_conditions(
         >>> found = fit_conditions(trace, known, ("gas_pressure",))  # doctest: +SKIP
         >>> found["gas_pressure"].value  # doctest: +SKIP
     """
+    warnings.warn(
+        "jshell.calibration.fit_conditions is now jshell.invert, by the simulator; by the short model "
+        "fit_trajectories(traces, fix=constants, uncertain=conditions)",
+        DeprecationWarning,
+        stacklevel=2,
+    )
     uncertain = dict(vary) if isinstance(vary, Mapping) else dict.fromkeys(vary)
     if not uncertain:
         raise BadValue("vary", found="nothing", expected="a condition", remedy='Write vary=("gas_pressure",).')

@@ -10,8 +10,10 @@ and the priors the fit was given.
 Source     Hoffman & Gelman 2014; sampler: NumPyro. Groups as ArviZ reads them.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -107,46 +109,104 @@ def posterior(result: Fit, draws: int = 1000, *, warmup: int = 500, chains: int 
     objective = objective_of(result)
     if objective.loss:
         raise BadValue("posterior", found="a robust fit", expected="least squares", remedy="Use bootstrap instead.")
-    if draws < 50 or warmup < 50 or chains < 1:
-        raise BadValue(
-            "draws", found=f"{draws}, {warmup}, {chains}", expected="50, 50 and 1 at least", remedy="Ask more."
-        )
+    # unknowns in standard errors about the minimum, so that the sampler's first steps fit
+    best = jnp.asarray(objective.best)
+    half = _half(objective)
+    size = best.size
+    variance = objective.variance
+    energy = lambda z, _: _energy(objective, best + half @ z[:size], z[size:], variance)  # noqa: E731
+    whole, sampling = size + (not objective.absolute), Sampling(draws, warmup, chains, seed)
+    found = drawn(sampler(energy, whole, sampling), whole, sampling)
+    u = np.asarray(best) + found.z[..., :size] @ np.asarray(half).T
+    noise = np.ones(found.z.shape[:2]) if objective.absolute else np.sqrt(variance) * np.exp(found.z[..., size])
+    return summarised(objective.names, objective.shown(u), noise, found.diverging, seed)
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """How much is drawn.
+
+    Attributes:
+        draws: Of each chain.
+        warmup: Of each chain, before its draws.
+        chains: One after the other.
+        seed: Of the draws.
+
+    Raises:
+        BadValue: Fewer than 50 draws.
+    """
+
+    draws: int
+    warmup: int
+    chains: int
+    seed: int
+
+    def __post_init__(self) -> None:
+        if self.draws < 50 or self.warmup < 50 or self.chains < 1:
+            raise BadValue(
+                "draws", found=f"{self.draws}, {self.warmup}, {self.chains}", expected="50, 50 and 1 at least",
+                remedy="Ask more.",
+            )  # fmt: skip
+
+
+class Drawn(NamedTuple):
+    """What a sampler drew: z (chains, draws, size) about 0, and whether it lost its way (chains, draws)."""
+
+    z: np.ndarray
+    diverging: np.ndarray
+
+
+def sampler(energy: Callable[..., jax.Array], size: int, sampling: Sampling) -> Any:
+    """NUTS for numbers whose scale is about one; may run again, without compiling, on other data of the same shapes.
+
+    Args:
+        energy: z (size,) and data to minus the logarithm of the density; infinite where there is none.
+        size: How many numbers.
+        sampling: How much is drawn.
+
+    Raises:
+        MissingExtra: NumPyro is not installed.
+    """
     try:
-        from numpyro.diagnostics import effective_sample_size, gelman_rubin, split_gelman_rubin
+        import numpyro
+        from numpyro.distributions import ImproperUniform, constraints
         from numpyro.infer import MCMC, NUTS
     except ImportError:
         raise MissingExtra(
             "numpyro", found="not installed", expected="the extra `bayes`", remedy="pip install 'jshell[bayes]'"
         ) from None
 
-    # unknowns in standard errors about the minimum, so that the sampler's first steps fit
-    best = jnp.asarray(objective.best)
-    half = _half(objective)
-    size = best.size
-    variance = objective.variance
-    energy = lambda z: _energy(objective, best + half @ z[:size], z[size:], variance)  # noqa: E731
-    first = jnp.concatenate([jnp.zeros(size), jnp.zeros(0 if objective.absolute else 1)])
-    scatter = jax.random.normal(jax.random.PRNGKey(seed + 1), (chains, first.size)) * 0.3
-    inits = first[None] + scatter if chains > 1 else first + scatter[0]
-    kernel = NUTS(potential_fn=energy)
-    sampler = MCMC(
-        kernel, num_warmup=warmup, num_samples=draws, num_chains=chains, chain_method="sequential", progress_bar=False
-    )
-    sampler.run(jax.random.PRNGKey(seed), init_params=inits, extra_fields=("diverging",))
-    z = np.asarray(sampler.get_samples(group_by_chain=True))
-    u = np.asarray(best) + z[..., :size] @ np.asarray(half).T
-    noise = np.ones(z.shape[:2]) if objective.absolute else np.sqrt(variance) * np.exp(z[..., size])
-    shown = objective.shown(u)
-    agreement = gelman_rubin if chains > 1 else split_gelman_rubin
+    def model(data: Any) -> None:
+        z = numpyro.sample("z", ImproperUniform(constraints.real_vector, (), (size,)))
+        numpyro.factor("density", -energy(z, data))
+
+    return MCMC(
+        NUTS(model), num_warmup=sampling.warmup, num_samples=sampling.draws, num_chains=sampling.chains,
+        chain_method="sequential", progress_bar=False, jit_model_args=True,
+    )  # fmt: skip
+
+
+def drawn(sampler: Any, size: int, sampling: Sampling, data: Any = ()) -> Drawn:
+    """What a sampler draws, its chains begun near 0."""
+    scatter = jax.random.normal(jax.random.PRNGKey(sampling.seed + 1), (sampling.chains, size)) * 0.3
+    first = {"z": scatter if sampling.chains > 1 else scatter[0]}
+    sampler.run(jax.random.PRNGKey(sampling.seed), data, init_params=first, extra_fields=("diverging",))
+    z = np.asarray(sampler.get_samples(group_by_chain=True)["z"])
+    return Drawn(z, np.asarray(sampler.get_extra_fields(group_by_chain=True)["diverging"]))
+
+
+def summarised(
+    names: tuple[str, ...], shown: np.ndarray, noise: np.ndarray, diverging: np.ndarray, seed: int
+) -> Posterior:
+    """Draws (chains, draws, names) with how far their chains agree."""
+    from numpyro.diagnostics import effective_sample_size, gelman_rubin, split_gelman_rubin
+
+    agreement = gelman_rubin if shown.shape[0] > 1 else split_gelman_rubin
     return Posterior(
-        objective.names,
-        shown,
-        noise,
-        np.asarray(sampler.get_extra_fields(group_by_chain=True)["diverging"]),
-        np.array([float(agreement(shown[..., i])) for i in range(size)]),
-        np.array([float(effective_sample_size(shown[..., i])) for i in range(size)]),
-        seed,
-    )
+        names, shown, noise, diverging,
+        np.array([float(agreement(shown[..., i])) for i in range(len(names))]),
+        np.array([float(effective_sample_size(shown[..., i])) for i in range(len(names))]), seed,
+    )  # fmt: skip
 
 
 def _half(objective: Objective) -> jax.Array:

@@ -63,7 +63,7 @@ def text(result: Fit, *, nuisance: bool = False, smallest_correlation: float = 0
         scaled += "; autocorrelated noise"
     lines = [
         f"[[{result.title}]]",
-        f"    outcome             {result.outcome.word}: {result.outcome.advice}",
+        f"    outcome             {result.outcome.word}: {result.advice}",
         "[[Fit statistics]]",
         f"    data                {result.n_data}",
         f"    varied              {result.n_varied} ({len(result.varied)} constants)",
@@ -107,7 +107,7 @@ def page(result: Fit) -> str:
     )
     pairs = "".join(f"<li>{html.escape(text.strip())}</li>" for text in _pairs(result, 0.1))
     return (
-        f"<h4>{html.escape(result.title)}</h4><p>{result.outcome.word}: {html.escape(result.outcome.advice)}</p>"
+        f"<h4>{html.escape(result.title)}</h4><p>{result.outcome.word}: {html.escape(result.advice)}</p>"
         f"<table><tr><th>name</th><th>value</th><th>error</th><th>start</th></tr>{cells}</table>"
         f"<table><tr><td>data</td><td>{result.n_data}</td></tr><tr><td>varied</td><td>{result.n_varied}</td></tr>"
         f"{numbers}</table><ul>{pairs}</ul><ul>{texts}</ul>"

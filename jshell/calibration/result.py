@@ -119,6 +119,11 @@ class Fit:
         return self[name].value - factor * self[name].stderr, self[name].value + factor * self[name].stderr
 
     @property
+    def advice(self) -> str:
+        """What to do about the outcome."""
+        return self.outcome.advice
+
+    @property
     def channels(self) -> tuple[str, ...]:
         """The channels of a trace fit, in the order of its residual; none where a table was fitted."""
         return tuple(one.name.removesuffix(_AT_REST) for one in self.estimates if one.name.endswith(_AT_REST))

@@ -66,7 +66,8 @@ def invert(
         typer.echo(found.report())
         if profiles is not None:
             typer.echo(profiles.report())
-    finish(found.outcome, sound=not any(text.startswith("misfit") for text in found.warnings))
+    sound = not any(text.startswith("misfit") for text in found.warnings)
+    finish(found.outcome, sound=sound, advice=found.advice)
 
 
 def _split(texts: Sequence[str]) -> list[str]:

@@ -82,10 +82,10 @@ def judged(outcome: Outcome, *numbers: Any) -> Outcome:
     return outcome
 
 
-def finish(outcome: Outcome, *, sound: bool = True) -> None:
+def finish(outcome: Outcome, *, sound: bool = True, advice: str = "") -> None:
     """Exit 0 where the outcome is ok and the result sound, else 3 with the advice on stderr."""
     if outcome != Outcome.OK:
-        log(f"{outcome.word}: {outcome.advice}.")
+        log(f"{outcome.word}: {advice or outcome.advice}.")
     if outcome != Outcome.OK or not sound:
         raise typer.Exit(NOT_OK)
 

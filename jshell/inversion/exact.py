@@ -1,11 +1,11 @@
-"""The answer's last steps: the exact liquid, and a mesh without end.
+"""The answer's last steps: the exact liquid, and a pad's edge resolved to its limit.
 
-The search knows the liquid to second order of its layer, on a coarse mesh. At its minimum the exact liquid's modes are
-laid beside its own; what they say over what it says is kept while the minimum is sought again, until both rest.
-A held shell's modes approach those of a fine mesh with the first power of the element length, since the wall bends
-sharply at the pad's edge: two meshes tell the limit, and a part of that step is its doubt.
+The search knows the liquid to second order of its layer. At its minimum the exact liquid's modes are laid beside its
+own; what they say over what it says is kept while the minimum is sought again, until both rest. A held shell's modes
+approach their limit with the first power of the length of the element at the pad's edge, where the splines hold the
+stretch beside the slope: two such lengths tell the limit, and a part of that step is its doubt.
 
-Symbols    s rates   φ changes of the channels along the modes   N elements
+Symbols    s rates   φ changes of the channels along the modes
 Source     Richardson 1911 for the limit
 """
 
@@ -17,11 +17,11 @@ import numpy as np
 from jshell.errors import Outcome
 from jshell.inversion.model import Model, Offset, Weighing
 from jshell.inversion.projection import Modal
+from jshell.inversion.response import BLUNT
 from jshell.inversion.search import Ending, information
 
 CORRECTIONS = 3
-FINE = 32  # elements of the finer mesh
-DOUBT = 0.25  # of the step to the limit: by 20, 32 and 48 elements the limit of two of them is right to 0.15
+DOUBT = 0.15  # of the step to the limit: beside 32 elements and 6 more at the edge, frequencies are right to a tenth
 SETTLED = 0.02  # standard errors that the last correction may move the answer
 
 Again = Callable[[Model, Ending, list[Weighing]], Ending]
@@ -52,33 +52,38 @@ def corrected(
     shift = np.abs(best.u - before.u) / np.where(scale > 0, scale, np.inf)
     worst = int(np.argmax(shift))
     return best, weighings, (
-        f"liquid: exact; by the search's, second order on {model.elements} elements, {model.space.names[worst]} would "
-        f"lie {shift[worst]:.2g} standard errors of the noise away"
+        f"liquid: exact; by the search's, of second order, {model.space.names[worst]} would lie "
+        f"{shift[worst]:.2g} standard errors of the noise away"
     )  # fmt: skip
 
 
 def _offset(model: Model, best: Ending, k: int, modes: tuple[int, ...]) -> Offset | None:
     """What the better simulator says over what the search's does at its minimum."""
+    chosen, plain = list(modes), model.plain(k, best.u)
     rough, _, _ = model.modal(k, best.u, best.near[k])
-    sharp, _, outcome = model.modal(k, best.u, best.near[k], "exact")
-    chosen = list(modes)
-    if np.any(outcome[chosen] != Outcome.OK):
+    second, exact, outcome = model.liquids(k, best.u, plain)
+    if int(plain.outcome) or np.any(outcome[chosen] != Outcome.OK):
         return None
-    sharp = sharp._replace(shapes=_alike(sharp.shapes, rough.shapes))
-    doubt = None
-    if model.seen(k, best.u)[0].numbers[6] > 0 and model.elements < FINE:
-        near = model.standing(best.u, FINE)[k]
-        fine, _, outcome = model.modal(k, best.u, near, "exact", FINE)
-        if int(near.outcome) or np.any(outcome[chosen] != Outcome.OK):
+    better, doubt = rough, None
+    if (edge := model.edge(k, best.u)) is not None:
+        near = model.sharpened(k, best.u, plain, BLUNT)
+        blunt, _, outcome = model.modal(k, best.u, near)
+        if np.any(outcome[chosen] != Outcome.OK):
             return None
-        fine = fine._replace(shapes=_alike(fine.shapes, rough.shapes))
-        reach = model.elements / (FINE - model.elements)
-        step = [reach * (b - a) for a, b in zip(sharp, fine, strict=True)]
-        sharp = Modal(*(b + s for b, s in zip(fine, step, strict=True)))
+        blunt = blunt._replace(shapes=_alike(blunt.shapes, rough.shapes))
+        short, long = (float(nodes[edge] - nodes[edge - 1]) for nodes in (best.near[k].nodes, near.nodes))
+        step = [short / (long - short) * (a - b) for a, b in zip(rough, blunt, strict=True)]
+        better = Modal(*(a + s for a, s in zip(rough, step, strict=True)))
         doubt = (DOUBT * step[0], DOUBT * step[1], DOUBT * step[2])
-    silent = np.abs(rough.shapes) < 1e-9 * np.abs(rough.shapes).max()
-    ratio = np.where(silent, 1.0, sharp.shapes / np.where(silent, 1.0, rough.shapes))
-    return Offset(sharp.rates / rough.rates, ratio, sharp.rest - rough.rest, doubt)
+    exact = exact._replace(shapes=_alike(exact.shapes, second.shapes))
+    shapes = _over(exact.shapes, second.shapes) * _over(better.shapes, rough.shapes)
+    return Offset(exact.rates / second.rates * better.rates / rough.rates, shapes, better.rest - rough.rest, doubt)
+
+
+def _over(shapes: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Their ratio; one where a channel stands still."""
+    silent = np.abs(others) < 1e-9 * np.abs(others).max()
+    return np.where(silent, 1.0, shapes / np.where(silent, 1.0, others))
 
 
 def _alike(shapes: np.ndarray, like: np.ndarray) -> np.ndarray:

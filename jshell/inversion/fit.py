@@ -32,6 +32,7 @@ from jshell.trace import Trace
 
 PAD, SPOT = 0.02, 0.1  # what is known of a pad [rad] and of a weak spot [-] that nothing is said of
 FIRST_STEPS = 14  # of a start that is one of several
+LAST_STEPS = 60  # of the best of them, where it did not come to rest
 HEARD = 20.0  # of χ², that a further mode must take: two amplitudes fitted to noise take 2
 ROUNDS = 5  # of noise and minimum
 NEAR = 9.0  # of χ²: two minima nearer than this cannot be told apart
@@ -68,7 +69,7 @@ def invert(
         local: Unknowns that every recording has for itself, such as outer_pressure.
         channels: Of H, W, V, S, x_front, x_back; by default the first four that are recorded.
         start, stop: Window [s, or time unit]; by default from half a slow period after the dip of a snap.
-        begin: Values to begin at instead of those that the recordings themselves suggest.
+        begin: Values to begin at before those that the recordings themselves suggest.
         free_rest: The values where channels rest are no data: of a camera whose scale or zero is not known.
         nuisance: What no laboratory knows exactly is sought too, from priors: a pad of the header to 0.02 rad, a weak
             spot of 0 ± 0.1, unless `known` or `unknown` say more. By default of records with SI units.
@@ -111,8 +112,10 @@ def invert(
     model = Model(records, whole, elements)
     weighings = [first_weighing(one, tuple(range(_shown(one))), free_rest) for one in records]
 
-    begun = starts(records, whole) if begin is None else whole.to_u(np.array([[begin[n] for n in whole.names]]))
-    endings = _from_starts(model, begun, weighings)
+    begun = starts(records, whole)
+    if begin is not None:
+        begun = np.concatenate([whole.to_u(np.array([[begin[n] for n in whole.names]])), begun])
+    endings = _brought_to_rest(model, _from_starts(model, begun, weighings), weighings)
     if endings[0].outcome not in (Outcome.OK, Outcome.AT_BOUND):
         return _finished(drawn_up(model, endings[0], endings, weighings, (), (), ()), throw)
     best, weighings, noises = _settled(model, endings[0], weighings)
@@ -146,7 +149,7 @@ def nuisances(records: Sequence[Recording]) -> dict[str, Unknown]:
 
 def _finished(result: Inversion, throw: bool) -> Inversion:
     if throw and result.outcome != Outcome.OK:
-        raise NotOk(result.title, result.outcome)
+        raise NotOk(result.title, result.outcome, result.advice)
     return result
 
 
@@ -180,6 +183,17 @@ def _from_starts(model: Model, begun: np.ndarray, weighings: Sequence[Weighing])
         if k > 0 and np.isfinite(ending.cost) and described(model, min(endings, key=_rank).lefts):
             break
     return sorted(endings, key=_rank)
+
+
+def _brought_to_rest(model: Model, endings: list[Ending], weighings: Sequence[Weighing]) -> list[Ending]:
+    """The best of the ends, sought on where the steps of a start did not reach a valley's floor."""
+    best = endings[0]
+    if best.outcome not in (Outcome.NOT_CONVERGED, Outcome.STALLED) or not np.isfinite(best.cost):
+        return endings
+    on = minimise(model, best.u, weighings, max_steps=LAST_STEPS, legs=3)
+    if not on.cost <= best.cost:
+        return endings
+    return [replace(on, begun=best.begun, steps=best.steps + on.steps), *endings[1:]]
 
 
 def _rank(ending: Ending) -> float:

@@ -15,9 +15,13 @@ from jshell.inversion.response import (
     CHANNELS,
     DIRECTIONS,
     FIELDS,
+    SHARP,
     Response,
     Standing,
+    liquids_program,
+    mesh,
     response_program,
+    sharpening_program,
     standing_program,
 )
 from jshell.inversion.unknowns import Seen, Space
@@ -27,7 +31,7 @@ ELEMENTS = 20
 
 @dataclass
 class Offset:
-    """A better simulator: the exact liquid, on a mesh without end.
+    """A better simulator: the exact liquid, and a pad's edge without a smallest element.
 
     Attributes:
         rates, shapes: (modes,), (modes, channels) over those of the search.
@@ -85,23 +89,31 @@ class Model:
         values, mine = self.space.of(k, self.space.to_values(u))
         return Seen(values, self.space.si), mine
 
-    def standing(self, u: np.ndarray, elements: int | None = None) -> list[Standing]:
+    def standing(self, u: np.ndarray) -> list[Standing]:
         """The shell of every recording at rest, on nodes of its own."""
-        size = elements or self.elements
-        found = []
-        for k in range(len(self.recordings)):
-            seen, _ = self.seen(k, u)
-            self.calls += 1
-            found.append(standing_program(size, bool(seen.numbers[6] > 0))(jnp.asarray(seen.numbers)))
-        return found
+        return [self.sharpened(k, u, self.plain(k, u)) for k in range(len(self.recordings))]
 
-    def modal(
-        self, k: int, u: np.ndarray, near: Standing, liquid: str = "second", elements: int | None = None
-    ) -> tuple[Modal, Modal, np.ndarray]:
+    def plain(self, k: int, u: np.ndarray) -> Standing:
+        """The shell of recording k at rest, on nodes that do not crowd at a pad's edge."""
+        seen, _ = self.seen(k, u)
+        self.calls += 1
+        return standing_program(self.elements, bool(seen.numbers[6] > 0))(jnp.asarray(seen.numbers))
+
+    def sharpened(self, k: int, u: np.ndarray, near: Standing, ratio: float = SHARP) -> Standing:
+        """The same on nodes that do, neighbours of a ratio; of a free shell as it is."""
+        if not self.seen(k, u)[0].numbers[6] > 0:
+            return near
+        return sharpening_program(self.elements)(near, jnp.asarray(ratio))
+
+    def edge(self, k: int, u: np.ndarray) -> int | None:
+        """The node at the edge of the pad of recording k; None of a free shell."""
+        return mesh(self.elements, bool(self.seen(k, u)[0].numbers[6] > 0)).edge
+
+    def modal(self, k: int, u: np.ndarray, near: Standing) -> tuple[Modal, Modal, np.ndarray]:
         """All modes of recording k in the record's units, their derivatives by u, and how finding each ended."""
         seen, mine = self.seen(k, u)
         slopes = [seen.slope(self.space.names[i].partition("[")[0]) for i in mine]
-        program = response_program(elements or self.elements, bool(seen.numbers[6] > 0), liquid)
+        program = response_program(self.elements, bool(seen.numbers[6] > 0))
         changes = []
         for at in range(0, max(len(mine), 1), DIRECTIONS):
             tangents = np.zeros((DIRECTIONS, len(FIELDS)))
@@ -110,10 +122,16 @@ class Model:
             self.calls += 1
             found, change = program(jnp.asarray(seen.numbers), jnp.asarray(tangents), near)
             changes.append(change)
-            if liquid == "exact":
-                break
         value = self._in_units(k, seen, found)
         return value, self._slopes(k, seen, value, changes, slopes, mine), np.asarray(found.outcome).astype(int)
+
+    def liquids(self, k: int, u: np.ndarray, near: Standing) -> tuple[Modal, Modal, np.ndarray]:
+        """All modes of recording k in the liquid of second order and in the exact one, and how finding each ended."""
+        seen, _ = self.seen(k, u)
+        self.calls += 1
+        both = liquids_program(self.elements, bool(seen.numbers[6] > 0))(jnp.asarray(seen.numbers), near)
+        second, exact = (self._in_units(k, seen, one) for one in both)
+        return second, exact, np.max([np.asarray(one.outcome).astype(int) for one in both], axis=0)
 
     def _in_units(self, k: int, seen: Seen, found: Response) -> Modal:
         pick, scale = self._channels(k, seen)
@@ -133,8 +151,6 @@ class Model:
             np.zeros((size, *value.shapes.shape), complex),
             np.zeros((size, *value.rest.shape)),
         )
-        if changes[0] is None:
-            return out
         for row, (i, (_, time, length)) in enumerate(zip(mine, slopes, strict=True)):
             part = [np.asarray(x)[row % DIRECTIONS] for x in changes[row // DIRECTIONS][:3]]
             out.rates[i] = part[0] / seen.time - value.rates * time
@@ -142,24 +158,26 @@ class Model:
             out.rest[i] = part[2][pick] * scale + value.rest * powers * length
         return out
 
-    def left(self, k: int, u: np.ndarray, near: Standing, weighing: Weighing) -> tuple[Left, Outcome]:
-        """What the simulator leaves of recording k."""
+    def picked(self, k: int, u: np.ndarray, near: Standing, weighing: Weighing) -> tuple[Modal, Modal, Outcome]:
+        """The modes that recording k is described by, as the better simulator has them, and their derivatives by u."""
         modal, change, outcomes = self.modal(k, u, near)
-        one, chosen = self.recordings[k], list(weighing.modes)
+        chosen = list(weighing.modes)
         outcome = Outcome(int(np.max(outcomes[chosen])))
         if weighing.offset is not None:
             offset = weighing.offset
             change = change._replace(rates=change.rates * offset.rates, shapes=change.shapes * offset.shapes)
             modal = offset.applied(modal)
         picked = Modal(modal.rates[chosen], modal.shapes[chosen], modal.rest)
-        slopes = Modal(change.rates[:, chosen], change.shapes[:, chosen], change.rest)
-        if outcome != Outcome.OK or not np.all(np.isfinite(picked.rates)) or np.any(np.real(picked.rates) > 0):
+        if outcome == Outcome.OK and (not np.all(np.isfinite(picked.rates)) or np.any(np.real(picked.rates) > 0)):
+            outcome = Outcome.NOT_FINITE
+        return picked, Modal(change.rates[:, chosen], change.shapes[:, chosen], change.rest), outcome
+
+    def left(self, k: int, u: np.ndarray, near: Standing, weighing: Weighing) -> tuple[Left, Outcome]:
+        """What the simulator leaves of recording k."""
+        one = self.recordings[k]
+        modal, slopes, outcome = self.picked(k, u, near, weighing)
+        if outcome != Outcome.OK:
             nothing = np.full((one.values.size, u.size), np.nan)
-            return Left(
-                nothing[:, 0], nothing, nothing, nothing, picked.rates, one.values
-            ), outcome or Outcome.NOT_FINITE
-        elapsed = one.times - one.times[0]
-        return (
-            left(elapsed, one.values, 1 / weighing.sigma, weighing.memory, picked, slopes, weighing.free_rest),
-            outcome,
-        )
+            return Left(nothing[:, 0], nothing, nothing, nothing, modal.rates, one.values), outcome
+        elapsed, weight = one.times - one.times[0], 1 / weighing.sigma
+        return left(elapsed, one.values, weight, weighing.memory, modal, slopes, weighing.free_rest), outcome

@@ -10,7 +10,7 @@ Source     `jshell.membrane.equilibrium` for the rest shape, `jshell.dynamics.ro
 """
 
 from collections.abc import Callable
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -18,7 +18,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
-from jshell.contour import Meridian, area, thinned, volume, with_pad
+from jshell.contour import Meridian, area, carry, thinned, volume, with_pad, with_small_edge
 from jshell.contour.splines import ParitySplines
 from jshell.dynamics.roots import matrices, roots
 from jshell.dynamics.vibrations import RESIDUAL
@@ -35,6 +35,8 @@ CHANNELS = ("H", "W", "V", "S", "x_front", "x_back")
 MODES = 4
 DIRECTIONS = 4  # tangents that one call carries
 NOMINAL_PAD = 0.3  # [rad]; a mesh with a pad is made for this size and stretched to the one asked for
+BESIDE = 4  # elements more on each side of a pad's edge
+SHARP, BLUNT = 2.0, 1.5  # ratio of neighbours there; of the two meshes that tell the limit
 SPOT_WIDTH = 0.35  # [rad]
 QUICKLY = {"xla_backend_optimization_level": 1}  # runs as fast, compiles sooner
 AT_EXTREMUM = 4  # Newton steps to an extremum of a spline
@@ -54,7 +56,13 @@ class Response(NamedTuple):
 
 @lru_cache(maxsize=8)
 def mesh(elements: int, held: bool) -> Meridian:
-    """The discretisation that a program is made for."""
+    """The discretisation that a program is made for; of a held shell with small elements at the pad's edge."""
+    with jax.ensure_compile_time_eval():
+        return with_small_edge(plain_mesh(elements, held), BESIDE, SHARP) if held else plain_mesh(elements, held)
+
+
+def plain_mesh(elements: int, held: bool) -> Meridian:
+    """The one that a shell at rest is sought on."""
     return cached_meridian(elements, NOMINAL_PAD if held else 0.0)
 
 
@@ -74,7 +82,7 @@ class Standing(NamedTuple):
 @lru_cache(maxsize=8)
 def standing_program(elements: int, held: bool) -> Callable[[Any], Standing]:
     """Compiled: numbers (fields,) to a shell at rest on nodes that follow its rim."""
-    base = mesh(elements, held)
+    base = plain_mesh(elements, held)
 
     def standing(numbers):
         spot = numbers[7], jnp.asarray(SPOT_WIDTH)
@@ -85,8 +93,21 @@ def standing_program(elements: int, held: bool) -> Callable[[Any], Standing]:
 
 
 @lru_cache(maxsize=8)
-def response_program(elements: int, held: bool, liquid: str) -> Callable[..., tuple[Response, Response | None]]:
-    """Compiled: the response of a shell near another one, and its change along tangents; of the exact liquid without.
+def sharpening_program(elements: int) -> Callable[[Standing, Any], Standing]:
+    """Compiled: a held shell at rest on nodes that crowd at the pad's edge, neighbours of a ratio."""
+    base = plain_mesh(elements, True)
+
+    def sharpened(near, ratio):
+        before = with_pad(base, jnp.pi - near.nodes[base.edge], near.nodes)
+        after = with_small_edge(before, BESIDE, ratio)
+        return Standing(after.nodes, carry(near.displacement, before, after), near.outcome)
+
+    return jax.jit(sharpened, compiler_options=QUICKLY)
+
+
+@lru_cache(maxsize=8)
+def response_program(elements: int, held: bool) -> Callable[..., tuple[Response, Response]]:
+    """Compiled: the response of a shell near another one, and its change along tangents; the liquid to second order.
 
     Its arguments are numbers (fields,), tangents (DIRECTIONS, fields) and a `Standing`. On given nodes it is a smooth
     function, and its change is exact. A pad of another size stretches them.
@@ -94,22 +115,36 @@ def response_program(elements: int, held: bool, liquid: str) -> Callable[..., tu
     base = mesh(elements, held)
 
     def response(numbers, tangents, near):
-        at = partial(_response, near=near, base=base, liquid=liquid)
-        if liquid == "exact":
-            return at(numbers), None
+        at = lambda x: _response(x, near, base, ("second",))[0]  # noqa: E731
         push = lambda direction: jax.jvp(at, (numbers,), (direction,))  # noqa: E731
         return jax.vmap(push, out_axes=(None, 0))(tangents)
 
     return jax.jit(response, compiler_options=QUICKLY)
 
 
-def _response(numbers: Float[Array, "fields"], *, near: Standing, base: Meridian, liquid: str) -> Response:
+@lru_cache(maxsize=8)
+def liquids_program(elements: int, held: bool) -> Callable[..., tuple[Response, Response]]:
+    """Compiled: the response in the liquid of second order and in the exact one, on the plain mesh.
+
+    The exact liquid's waves are not resolved by elements that shrink quickly.
+    """
+    base = plain_mesh(elements, held)
+    both = lambda numbers, near: _response(numbers, near, base, ("second", "exact"))  # noqa: E731
+    return jax.jit(both, compiler_options=QUICKLY)
+
+
+def _response(
+    numbers: Float[Array, "fields"], near: Standing, base: Meridian, liquids: tuple[str, ...]
+) -> tuple[Response, ...]:
     conditions = conditions_of(numbers)
     shape = with_pad(base, numbers[6], near.nodes)
     profile = thinned(shape, numbers[7], jnp.asarray(SPOT_WIDTH))
     rest = _at_rest(shape, conditions, profile, near)
-    parts = matrices(rest, conditions, liquid)
-    found = roots(parts, conditions.viscosity, MODES)
+    return tuple(_in_liquid(shape, rest, conditions, liquid) for liquid in liquids)
+
+
+def _in_liquid(shape: Meridian, rest: RestShape, conditions: Reduced, liquid: str) -> Response:
+    found = roots(matrices(rest, conditions, liquid), conditions.viscosity, MODES)
     v = jnp.zeros((MODES, shape.sphere.shape[0]), complex).at[:, shape.active].set(found.vectors)
     values, along = _channels(shape, rest.coordinates, v)
     lost = ~(found.residual < RESIDUAL)

@@ -25,10 +25,11 @@ from jshell.inversion.noise import described
 from jshell.inversion.recording import Recording
 from jshell.inversion.search import Ending, prior_rows
 from jshell.inversion.unknowns import plain
-from jshell.inversion.words import open_direction
+from jshell.inversion.words import ADVICE, open_direction
 
 if TYPE_CHECKING:
     from jshell.inversion.next_recording import Prospect
+    from jshell.inversion.posterior import SimulatorPosterior
     from jshell.inversion.profile import Profile
 
 SAME = 1.0  # of χ²: starts that ended nearer than this ended in one minimum
@@ -142,6 +143,31 @@ class Inversion(Fit):
             scale=scale, stderr=np.array(self.levels),
         )  # fmt: skip
 
+    def posterior(
+        self, draws: int = 1000, *, warmup: int = 500, chains: int = 2, seed: int = 0
+    ) -> "SimulatorPosterior":
+        """Draws from the posterior by NUTS; see `jshell.inversion.posterior`.
+
+        Args:
+            draws, warmup: Of each chain.
+            chains: One after the other.
+            seed: Of the draws.
+
+        Raises:
+            NotOk: The inversion is not ok.
+            MissingExtra: NumPyro is not installed.
+        """
+        from jshell.calibration.posterior import Sampling
+        from jshell.inversion.posterior import posterior
+
+        self.require_ok()
+        return posterior(self, Sampling(draws, warmup, chains, seed))
+
+    def spread(self) -> np.ndarray:
+        """(unknowns, unknowns) covariance of what the solver sees: logarithms of positive unknowns."""
+        factors = [self[n].value if log else 1.0 for n, log in zip(self.varied, self.logarithmic, strict=True)]
+        return self.covariance / np.outer(factors, factors)
+
     def next_recording(self, candidates: Sequence[Mapping[str, float | int]]) -> "tuple[Prospect, ...]":
         """How well the unknowns would be known with one more recording, of each of several kinds.
 
@@ -158,14 +184,17 @@ class Inversion(Fit):
         self.require_ok()
         assert self.model is not None
         assert self.ending is not None
-        factors = [self[n].value if log else 1.0 for n, log in zip(self.varied, self.logarithmic, strict=True)]
-        covariance = self.covariance / np.outer(factors, factors)
-        return next_recording(self.model, self.ending, self.weighings, covariance, candidates)
+        return next_recording(self.model, self.ending, self.weighings, self.spread(), candidates)
+
+    @property
+    def advice(self) -> str:
+        """What to do about the outcome."""
+        return ADVICE.get(self.outcome, self.outcome.advice)
 
     def require_ok(self) -> "Inversion":
         """The same result, or `NotOk`."""
         if self.outcome != Outcome.OK:
-            raise NotOk(self.title, self.outcome)
+            raise NotOk(self.title, self.outcome, self.advice)
         return self
 
 

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from jshell.calibration.uncertainty import in_words
+from jshell.errors import Outcome
 
 PART = 0.05  # of the largest change in a direction, below which an unknown stays
 MEASURED = {
@@ -22,6 +23,16 @@ MEASURED = {
     "poisson_ratio": "Poisson's ratio",
     "pad": "a measured pad",
     "weak_spot": "a measured profile of the wall",
+}
+
+
+ADVICE = {
+    Outcome.NOT_CONVERGED: "the search did not come to rest: ask for fewer unknowns, give one of them bounds or a "
+    "prior, or begin elsewhere",
+    Outcome.STALLED: "the search found no way down: give an unknown bounds or a prior, or begin elsewhere",
+    Outcome.RANK_DEFICIENT: "the recordings leave unknowns open, see which: give one of them as known or with a "
+    "prior, or add a recording at another pressure",
+    Outcome.AT_BOUND: "an unknown ended on its bound: widen it, or question what is taken as known",
 }
 
 

@@ -117,11 +117,15 @@ def test_a_prior_holds_a_constant(shell, trace):
 def test_the_inverse_finds_a_condition_from_known_constants(shell, trace):
     true = float(shell.conditions.gas_pressure)
     wrong = Trace(trace.times, trace.channels, trace.conditions)
-    found = fit_conditions(wrong, shell.coefficients, ("gas_pressure",))
+    with pytest.warns(DeprecationWarning, match=r"jshell\.invert"):
+        found = fit_conditions(wrong, shell.coefficients, ("gas_pressure",))
     assert found.outcome == Outcome.OK
     assert abs(found["gas_pressure"].value - true) < 4 * found["gas_pressure"].stderr
     assert found["alpha1"].role == "fixed"
-    with pytest.raises(BadValue, match="vary"):
+
+
+def test_the_former_inverse_says_its_new_name(shell, trace):
+    with pytest.warns(DeprecationWarning, match=r"jshell\.invert"), pytest.raises(BadValue, match="vary"):
         fit_conditions(trace, shell.coefficients, ())
 
 

@@ -5,7 +5,19 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jshell.contour import area, breakpoints, carry, dimple, meridian, regrade, rim_breaks, transfer, with_pad
+from jshell.contour import (
+    area,
+    breakpoints,
+    carry,
+    dimple,
+    meridian,
+    regrade,
+    rim_breaks,
+    transfer,
+    volume,
+    with_pad,
+    with_small_edge,
+)
 from jshell.contour import volume as volume_of
 from jshell.contour.mesh import fit
 from jshell.errors import BadValue
@@ -139,3 +151,19 @@ def test_a_pad_of_another_size_is_a_mesh_built_for_it():
 
 def test_a_free_mesh_has_no_pad_to_change():
     np.testing.assert_array_equal(with_pad(meridian(16), 0.3).nodes, meridian(16).nodes)
+
+
+def test_small_elements_beside_a_pads_edge_hold_every_shape_of_the_mesh_before():
+    before = with_pad(meridian(16, 0.3), 0.35)
+    after = with_small_edge(before, 3, 2.0)
+    k, old = after.edge, np.diff(before.nodes)
+    assert k == before.edge + 3
+    assert after.nodes[k] == pytest.approx(np.pi - 0.35, abs=1e-14)
+    for lengths, whole in ((np.diff(after.nodes)[k - 4 : k], old[before.edge - 1]),
+                           (np.diff(after.nodes)[k : k + 4][::-1], old[before.edge])):  # fmt: skip
+        np.testing.assert_allclose(lengths / whole, [1 / 2, 1 / 4, 1 / 8, 1 / 8], rtol=1e-10)
+    q = before.sphere.at[before.active].add(0.01 * np.random.default_rng(0).standard_normal(before.active.size))
+    there = transfer(q, before, after)
+    # breakpoints added to a spline leave it what it is; normal equations of small elements keep half the digits
+    np.testing.assert_allclose(after.at_nodes(there)[0][: k - 3], before.at_nodes(q)[0][: k - 3], atol=1e-9)
+    assert float(volume(after, there)) == pytest.approx(float(volume(before, q)), rel=1e-8)

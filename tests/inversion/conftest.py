@@ -50,6 +50,7 @@ def _response(numbers, tangents, near):
 @pytest.fixture
 def no_compilation(monkeypatch):
     monkeypatch.setattr(model, "standing_program", lambda *_: _standing)
+    monkeypatch.setattr(model, "sharpening_program", lambda *_: lambda near, _: near)
     monkeypatch.setattr(model, "response_program", lambda *_: _response)
     monkeypatch.setattr("jshell.inversion.fit.MODES", 3)
 

@@ -64,6 +64,42 @@ def test_profiles_of_a_sharp_minimum_are_the_intervals_of_the_covariance(make_re
         assert profiles[name].high == pytest.approx(high, abs=0.05 * (high - low))
 
 
+def test_the_posterior_is_as_wide_as_the_intervals_and_the_simulator_confirms_it(make_recording):
+    found = invert(make_recording(), tuple(TRUTH))
+    drawn = found.posterior(500, warmup=150, chains=1)
+    assert drawn.sound
+    assert drawn.departure < 1e-3
+    for name in TRUTH:
+        low, high = found.interval(name)
+        # quantiles of some 400 independent draws scatter by 6 % of the width
+        assert np.diff(drawn.interval(name)) == pytest.approx(high - low, rel=0.2)
+        assert np.mean(drawn.interval(name)) == pytest.approx((low + high) / 2, abs=0.15 * (high - low))
+    assert "simulator's own" in drawn.report()
+
+
+def test_a_posterior_far_from_its_polynomials_is_not_sound(make_recording, monkeypatch):
+    found = invert(make_recording(), tuple(TRUTH))
+    monkeypatch.setattr("jshell.inversion.posterior.REACH", 1e-3)
+    monkeypatch.setattr("jshell.inversion.posterior.AROUND", 1e-3)
+    monkeypatch.setattr("jshell.inversion.posterior._slopes", lambda z: np.zeros((z.size, 10)))
+    assert not found.posterior(50, warmup=50, chains=1).sound
+
+
+def test_a_start_that_leads_nowhere_is_not_the_only_one(make_recording):
+    found = invert(make_recording(), tuple(TRUTH), begin={"youngs_modulus": 5e4, "gas_pressure": 5e3})
+    assert found.outcome == Outcome.OK
+    assert len(found.starts) > 1
+    assert abs(found["youngs_modulus"].value - 0.5e6) < 4 * found["youngs_modulus"].stderr
+
+
+def test_the_remedy_of_an_inversion_speaks_of_unknowns(make_recording):
+    unknown, options = SETS["everything of one record"]
+    found = invert(make_recording(), unknown, **options)
+    with pytest.raises(js.NotOk, match="prior"):
+        found.require_ok()
+    assert "load" not in found.report()
+
+
 def test_several_recordings_share_what_they_share(make_recording):
     traces = [make_recording(outer=outer, seed=k) for k, outer in enumerate((1.65, 1.8))]
     found = invert(traces, ("youngs_modulus", "outer_pressure"), local=("outer_pressure",))

@@ -7,15 +7,24 @@ import pytest
 import jshell as js
 from jshell.errors import Outcome
 from jshell.inversion.model import ELEMENTS
-from jshell.inversion.response import DIRECTIONS, FIELDS, response_program, standing_program
+from jshell.inversion.response import (
+    BLUNT,
+    DIRECTIONS,
+    FIELDS,
+    SHARP,
+    mesh,
+    response_program,
+    sharpening_program,
+    standing_program,
+)
 
 HELD = np.array([0.22, 0.9, 1.6, 0.004, 1.4, 0.5, 0.3, 0.05])
 
 
 @pytest.mark.slow
 def test_changes_of_the_response_are_central_differences():
-    near = standing_program(ELEMENTS, True)(jnp.asarray(HELD))
-    program = response_program(ELEMENTS, True, "second")
+    near = sharpening_program(ELEMENTS)(standing_program(ELEMENTS, True)(jnp.asarray(HELD)), jnp.asarray(SHARP))
+    program = response_program(ELEMENTS, True)
     ask = lambda x, tangents: program(jnp.asarray(x), jnp.asarray(tangents), near)  # noqa: E731
     against = lambda part: part.shapes / part.shapes[:, 2:3]  # noqa: E731  a mode's own size means nothing
     still = np.zeros((DIRECTIONS, len(FIELDS)))
@@ -31,6 +40,23 @@ def test_changes_of_the_response_are_central_differences():
             for difference, slope in pairs:
                 size = np.abs(slope).max()
                 assert np.abs(difference / (2 * step) - slope).max() <= 1e-6 * size + 1e-9, FIELDS[first + row]
+
+
+@pytest.mark.slow
+def test_a_held_shells_modes_at_their_limit_are_another_codes(R):
+    """In a liquid of hardly any viscosity; elsewhere derived, see docs/validation.md."""
+    pad, known, c = 0.3272492347489368, np.array([0.452900, 1.904918, 2.784431]), R
+    numbers = jnp.array([c.thickness, c.gas_pressure, c.outer_pressure, 1e-12, c.kappa, c.poisson_ratio, pad, 0.0])
+    plain, still = standing_program(ELEMENTS, True)(numbers), jnp.zeros((DIRECTIONS, len(FIELDS)))
+    edge, lengths, omega = mesh(ELEMENTS, True).edge, [], []
+    for ratio in (SHARP, BLUNT):
+        near = sharpening_program(ELEMENTS)(plain, jnp.asarray(ratio))
+        omega.append(np.asarray(response_program(ELEMENTS, True)(numbers, still, near)[0].rates.imag)[:3])
+        lengths.append(float(near.nodes[edge] - near.nodes[edge - 1]))
+    np.testing.assert_allclose(omega[0], known, rtol=4e-4)
+    np.testing.assert_allclose(omega[0] - omega[1], (known - omega[1]) * (1 - lengths[0] / lengths[1]), atol=3e-4)
+    limit = omega[0] + lengths[0] / (lengths[1] - lengths[0]) * (omega[0] - omega[1])
+    np.testing.assert_allclose(limit, known, rtol=1e-4)
 
 
 @pytest.mark.slow
