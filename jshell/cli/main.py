@@ -20,7 +20,7 @@ VERBS = {
     ),
     "modes": (
         "statics",
-        "Small vibrations about the rest shape: frequencies, decay times, changes of volume and area.",
+        "Small vibrations about the rest shape: frequencies, decay times, what of a recording sees them.",
     ),
     "simulate": ("traces", "Buckle a shell in time and write the trace."),
     "analyse": ("traces", "Analyse a trace: two frequencies, a decay time, amplitude ratios, a verdict."),
