@@ -4,5 +4,9 @@ from jshell.camera.distortion import Lens, lens_from_grid
 from jshell.camera.film import Filmed, View, measure
 from jshell.camera.frames import open_film
 from jshell.camera.outlines import write_outlines
+from jshell.camera.rendering import Scene, render, render_grid, silhouette
 
-__all__ = ["Filmed", "Lens", "View", "lens_from_grid", "measure", "open_film", "write_outlines"]
+__all__ = [
+    "Filmed", "Lens", "Scene", "View", "lens_from_grid", "measure", "open_film", "render", "render_grid", "silhouette",
+    "write_outlines",
+]  # fmt: skip

@@ -16,6 +16,7 @@ from jshell.camera.frames import EXTRA, one_picture, open_film
 from jshell.errors import BadValue, require_extra
 
 FEWEST = 12  # dots of a grid
+SMOOTHING = 1.5  # px
 
 
 @dataclass(frozen=True)
@@ -48,6 +49,19 @@ class Lens:
         return np.array(self.middle) + self.radius * away * ratio[:, None]
 
 
+def bent(
+    points: Float[np.ndarray, "points 2"],
+    middle: Float[np.ndarray, "2"],
+    radius: float,
+    k1: float,
+    k2: float = 0.0,
+) -> Float[np.ndarray, "points 2"]:
+    """Where points are seen through a lens of a middle and half a diagonal [px]."""
+    true = (points - middle) / radius
+    r2 = np.sum(true**2, axis=1)
+    return middle + radius * true * (1 + k1 * r2 + k2 * r2**2)[:, None]
+
+
 def lens_from_grid(picture: str | Path, *, dark: bool = True) -> Lens:
     """The distortion that a picture of a grid of dots shows.
 
@@ -64,8 +78,9 @@ def lens_from_grid(picture: str | Path, *, dark: bool = True) -> Lens:
     frame = _picture(path)
     filters = require_extra("skimage.filters", EXTRA, "outlines")
     measure = require_extra("skimage.measure", EXTRA, "outlines")
-    values = filters.gaussian(-frame if dark else frame, 1.0, preserve_range=True)
-    weight = np.clip(values - filters.threshold_otsu(values), 0, None)
+    values = filters.gaussian(-frame if dark else frame, SMOOTHING, preserve_range=True)
+    # squared, so that pixels at a dot's border, which come and go as it lies, weigh nothing
+    weight = np.clip(values - filters.threshold_otsu(values), 0, None) ** 2
     regions = measure.regionprops(measure.label(weight > 0), intensity_image=weight)
     rows, columns = frame.shape
     inner = [one for one in regions if one.area >= 4 and one.bbox[0] > 0 and one.bbox[1] > 0]
@@ -130,9 +145,7 @@ def _fitted(dots, lattice, middle, radius) -> Lens:
 
     def expected(x):
         turned = np.array([[x[2], -x[3]], [x[3], x[2]]])
-        true = (x[:2] + numbers @ turned.T - np.array(middle)) / radius
-        r2 = np.sum(true**2, axis=1)
-        return np.array(middle) + radius * true * (1 + x[4] * r2 + x[5] * r2**2)[:, None]
+        return bent(x[:2] + numbers @ turned.T, np.array(middle), radius, x[4], x[5])
 
     start = int(np.argmin(np.abs(numbers).sum(axis=1)))
     slope = np.linalg.lstsq(np.c_[np.ones(len(numbers)), numbers], seen, rcond=None)[0]

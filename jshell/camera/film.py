@@ -9,7 +9,7 @@ Source     Mokbel et al. 2021, section "Experiments"
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -183,7 +183,7 @@ def _outlined(frame: Float[np.ndarray, "rows columns"], view: View) -> Outline |
     found = find_outline(frame, dark=view.dark)
     if found is None or view.lens is None:
         return found
-    return Outline(view.lens.straight(found.points), found.sigma, found.correlation, found.blur, found.cut)
+    return replace(found, points=view.lens.straight(found.points))
 
 
 def _axis(outlines: list[Outline], view: View) -> tuple[float, list[str]]:

@@ -78,7 +78,17 @@ def _stack(path: Path) -> Film:
         file.close()
         raise
     size = (int(shape[0]), int(shape[1]))
-    return Film(str(path), count, size, white_of(pages[0].dtype, most), read, file.close)
+    times = _imagej_times(file.imagej_metadata, count)
+    return Film(str(path), count, size, white_of(pages[0].dtype, most), read, file.close, times)
+
+
+def _imagej_times(told: object, count: int) -> Float[np.ndarray, "frames"] | None:
+    """When the frames of an ImageJ stack were taken, by the interval that its head tells; None where it does not."""
+    step = told.get("finterval") if isinstance(told, dict) else None
+    seconds = isinstance(told, dict) and str(told.get("tunit", "s")).strip() in ("s", "sec", "second", "seconds")
+    if not seconds or not isinstance(step, int | float) or not 0 < step < np.inf:
+        return None
+    return float(step) * np.arange(count)
 
 
 def _folder(path: Path) -> Film:

@@ -1,18 +1,22 @@
 """A film whose geometry is known: height and width come back without bias, with errors that are what they say."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter
-from scipy.special import erf
+from scipy.special import erf, erfc
 
 from jshell.contour import poles
 from jshell.errors import BadFile, BadName, MissingExtra, UnusableData
+from jshell.io import read_trace
 
 pytest.importorskip("skimage", reason="no scikit-image: pip install jshell[camera]")
 pytest.importorskip("tifffile", reason="no tifffile: pip install jshell[camera]")
 from jshell.camera import View, lens_from_grid, measure, open_film, write_outlines
-from jshell.camera.outline import Outline
+from jshell.camera.hull import extent
+from jshell.camera.outline import Outline, find_outline
 from jshell.camera.revolution import revolved
 
 ROWS = COLUMNS = 256
@@ -76,6 +80,46 @@ def test_height_and_width_of_a_noisy_film_are_without_bias_and_their_errors_hone
         assert abs(off.mean()) < 0.05
         # 60 frames know their own scatter to 9 %
         assert 0.7 < np.sqrt(np.mean((off / found.trace.sigma[name]) ** 2)) < 1.3
+
+
+FILMS = Path(__file__).parents[2] / "data" / "films"
+
+
+def test_the_film_that_comes_with_jshell_shows_what_was_drawn():
+    drawn = read_trace(FILMS / "attached_R_drawn.csv")
+    lens = lens_from_grid(FILMS / "grid.png")
+    view = View(pixel=0.0225 / 43.5, lens=lens, holder=(85, 119, 56, 63))
+    found = measure(FILMS / "attached_R.tif", view)
+    assert found.warnings == ("1000 frames per second, as the film says",)
+    np.testing.assert_allclose(found.trace.times, np.arange(120) / 1000)
+    for name in ("H", "W"):
+        off = found.trace[name] - drawn[name]
+        assert abs(off.mean()) < 0.05 * view.pixel
+        # 120 frames know their own scatter to 6 %
+        assert 0.8 < np.std(off / found.trace.sigma[name]) < 1.2
+
+
+def test_without_its_holder_an_outline_that_leaves_the_picture_is_no_longer_than_it():
+    found = measure(FILMS / "attached_R.tif", View())
+    assert any("leaves the picture" in text for text in found.warnings)
+    assert found.trace["height"].max() < 120
+
+
+def test_a_flat_end_is_as_high_as_its_line_and_a_leaning_one_as_its_corner():
+    rng = np.random.default_rng(0)
+    x, y = np.mgrid[:ROWS, :COLUMNS][::-1] - np.array([127.3, 126.6])[:, None, None]
+    for lean in (0.0, 0.01):
+        above = -40 - lean * x - y  # a plane that cuts the disc
+        away = np.maximum(np.hypot(x, y) - 80, above / np.hypot(1, lean))
+        corner = np.sqrt(80**2 - 40**2)
+        ends = []
+        for _ in range(12):
+            grey = 0.85 - 0.35 * erfc(away / (np.sqrt(2) * BLUR)) + NOISE * rng.normal(size=x.shape)
+            ends.append(extent(find_outline(grey), np.pi / 2))
+        off = np.array([one.value for one in ends]) - (120 + lean * corner)
+        # the sharp corner is rounded by the blur: a slope times its width
+        assert abs(off.mean()) < 0.01 + 2 * lean * BLUR
+        assert off.std() < 2 * np.mean([one.sigma for one in ends])
 
 
 @pytest.mark.slow
