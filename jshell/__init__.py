@@ -22,6 +22,7 @@ if TYPE_CHECKING:
         comparators,
         dynamics,
         engines,
+        export,
         inversion,
         io,
         membrane,
@@ -52,14 +53,14 @@ if TYPE_CHECKING:
 __version__ = "0.2.0"
 __all__ = [
     "Client", "Coefficients", "FitResult", "Gas", "JshellError", "Liquid", "Load", "NotOk", "Outcome", "RangeWarning",
-    "Reduced", "Scales", "Shell", "Trace", "calibration", "campaigns", "comparators", "dynamics", "engines", "extract",
-    "fit", "inversion", "invert", "io", "load", "membrane", "modes", "oscillator", "presets", "quantities",
+    "Reduced", "Scales", "Shell", "Trace", "calibration", "campaigns", "comparators", "dynamics", "engines", "export",
+    "extract", "fit", "inversion", "invert", "io", "load", "membrane", "modes", "oscillator", "presets", "quantities",
     "sensitivity", "shell", "signals", "simulate",
 ]  # fmt: skip
 
 _ROOMS = (
-    "calibration", "camera", "campaigns", "comparators", "contour", "dynamics", "engines", "flow", "inversion", "io",
-    "membrane", "memory", "oscillator", "plot", "quantities", "sensitivity", "shell", "signals",
+    "calibration", "camera", "campaigns", "comparators", "contour", "dynamics", "engines", "export", "flow",
+    "inversion", "io", "membrane", "memory", "oscillator", "plot", "quantities", "sensitivity", "shell", "signals",
 )  # fmt: skip
 _FROM = {
     "Client": "service.client", "Coefficients": "oscillator", "FitResult": "calibration", "Gas": "shell",

@@ -51,6 +51,10 @@ VERBS = {
         "Follow a shell through buckling and unbuckling under a pressure that swings between two values.",
     ),
     "bifurcation": ("bifurcation", "Bifurcation diagram: the volume once a period over the amplitude of a tone."),
+    "export": (
+        "export",
+        "Export the law of a buckled shell for bubble codes: pressure, effective mass and damping by volume.",
+    ),
     "softening": (
         "softening",
         "Angular frequencies before over after buckling, with the simulator's own modes beside them where stored.",
