@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy.integrate
 from jaxtyping import Float
+from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
 from jshell.errors import BadShape, NotOk, Outcome
@@ -46,7 +47,7 @@ class _Equation:
 def run(
     law: RadialLaw,
     outer: Callable[[float], float],
-    times: Values,
+    times: ArrayLike,
     *,
     volume: float | None = None,
     rate: float = 0.0,
