@@ -84,6 +84,30 @@ class Model:
     elements: int = ELEMENTS
     calls: int = field(default=0)
 
+    @property
+    def title(self) -> str:
+        """What was asked of what, for a report."""
+        count = len(self.recordings)
+        return f"shell of {count} recording{'s' if count > 1 else ''}, {self.described}"
+
+    def told(self, k: int, weighing: Weighing) -> str:
+        """What of recording k was looked at, and by what it is described."""
+        one, unit = self.recordings[k], "s" if self.space.si else "time units"
+        samples = (
+            f"{one.times.size} samples of {', '.join(one.channels)} from {one.times[0]:.4g} to {one.times[-1]:.4g}"
+        )
+        return f"recording {one.number}: {samples} {unit}, {self.describes(weighing)}"
+
+    @property
+    def described(self) -> str:
+        """By what the recordings are described."""
+        return "modes of the simulator"
+
+    def describes(self, weighing: Weighing) -> str:
+        """By how much of it one of them is."""
+        free = ", rest values free" if weighing.free_rest else ""
+        return f"{len(weighing.modes)} of the simulator's modes{free}"
+
     def seen(self, k: int, u: np.ndarray) -> tuple[Seen, list[int]]:
         """The numbers of recording k at u, and which unknowns are among them."""
         values, mine = self.space.of(k, self.space.to_values(u))

@@ -214,8 +214,9 @@ def drawn_up(
     names, space = model.space.names, model.space
     values, logarithmic = space.to_values(best.u), space.logarithmic
     flat = tuple(one for part in noises for one in part)
+    told = tuple(model.told(k, one) for k, one in enumerate(weighings))
     if not best.lefts or not np.isfinite(best.cost):
-        return _nothing(model, best, endings, warnings)
+        return _nothing(model, best, endings, (*told, *notes), warnings)
     residual = np.concatenate([one.residual for one in best.lefts])
     errors, linear = _errors(model, best, residual)
     doubt = doubted(model, best, list(weighings)) if doubt is None else doubt
@@ -239,7 +240,7 @@ def drawn_up(
     estimates = [hidden(e, open_ones[e.name]) if e.name in open_ones else e for e in estimates]
     covariance = errors.covariance * np.outer(scale, scale)
     return Inversion(
-        title=_title(model),
+        title=model.title,
         outcome=outcome,
         estimates=tuple(estimates),
         derived=_derived(model, best, errors, open_ones),
@@ -253,7 +254,7 @@ def drawn_up(
         absolute=all(one.sigma is not None for one in model.recordings),
         free_directions=tuple(directions),
         starts=_starts(model, endings),
-        notes=(*_told(model, weighings), *notes, *(one.words() for one in flat)),
+        notes=(*told, *notes, *(one.words() for one in flat)),
         warnings=tuple(extra),
         noise=flat,
         traces=tuple(one.trace for one in model.recordings),
@@ -267,21 +268,18 @@ def drawn_up(
     )
 
 
-def _title(model: Model) -> str:
-    count = len(model.recordings)
-    return f"shell of {count} recording{'s' if count > 1 else ''}, modes of the simulator"
-
-
-def _nothing(model: Model, best: Ending, endings: Sequence[Ending], warnings: Sequence[str]) -> Inversion:
+def _nothing(
+    model: Model, best: Ending, endings: Sequence[Ending], notes: tuple[str, ...], warnings: Sequence[str]
+) -> Inversion:
     """The result of a search that ended nowhere."""
     names = model.space.names
     outcome = best.outcome if best.outcome != Outcome.OK else Outcome.NOT_CONVERGED
     size = len(names)
     return Inversion(
-        _title(model), outcome,
+        model.title, outcome,
         tuple(Estimate(n, np.nan, reason="no start led to a shell that describes the recordings") for n in names), (),
         np.full((size, size), np.nan), np.full((size, size), np.nan), names, np.array([np.nan]), float("nan"),
-        sum(one.values.size for one in model.recordings), size, False, starts=_starts(model, endings),
+        sum(one.values.size for one in model.recordings), size, False, starts=_starts(model, endings), notes=notes,
         warnings=tuple(warnings), traces=tuple(one.trace for one in model.recordings), versions=versions(),
         units=tuple(model.space.table[plain(n)].unit for n in names), levels=(np.nan,) * size,
         logarithmic=tuple(bool(x) for x in model.space.logarithmic), model=model, ending=best,
@@ -368,14 +366,3 @@ def _starts(model: Model, endings: Sequence[Ending]) -> tuple[Start, ...]:
         )
         for one in endings
     )  # fmt: skip
-
-
-def _told(model: Model, weighings: Sequence[Weighing]) -> tuple[str, ...]:
-    """Windows and modes."""
-    unit = "s" if model.space.si else "time units"
-    return tuple(
-        f"recording {one.number}: {one.times.size} samples of {', '.join(one.channels)} from {one.times[0]:.4g} to "
-        f"{one.times[-1]:.4g} {unit}, {len(weighing.modes)} of the simulator's modes"
-        + ("" if not weighing.free_rest else ", rest values free")
-        for one, weighing in zip(model.recordings, weighings, strict=True)
-    )

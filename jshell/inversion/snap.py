@@ -96,7 +96,16 @@ class SnapModel(Model):
     kept: Kept = field(default_factory=lambda: Kept(None, ()))
     offsets: list[np.ndarray] = field(default_factory=list)
 
-    def standing(self, u: np.ndarray, elements: int | None = None) -> list[Standing]:
+    @property
+    def described(self) -> str:
+        """By what the recordings are described."""
+        return "through the snap, simulated whole"
+
+    def describes(self, weighing: Weighing) -> str:
+        """By how much of it one of them is."""
+        return "through the snap"
+
+    def standing(self, u: np.ndarray) -> list[Standing]:
         """Nothing: a simulation begins with the sphere."""
         return [NOWHERE] * len(self.recordings)
 

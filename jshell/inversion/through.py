@@ -102,11 +102,11 @@ def through(question: Question, snap: Snap, modal: Modal, nuisances: Nuisances |
     endings = _searched(model, [one.u for one in ranked[: max(1, snap.starts)]], weighings)
     best = endings[0]
     if best.outcome not in (Outcome.OK, Outcome.AT_BOUND):
-        return _named(drawn_up(model, best, endings, weighings, (), (), ()), notes)
+        return drawn_up(model, best, endings, weighings, (), (*notes, _counted(model)), ())
     best, weighings, noises = _settled(model, best, weighings)
     best, noises, doubt, note = _corrected(model, best, weighings, noises)
-    result = drawn_up(model, best, endings, weighings, noises, (), misfits(model, best, noises), doubt=doubt)
-    return _named(result, (*notes, note))
+    told = (*notes, note, _counted(model))
+    return drawn_up(model, best, endings, weighings, noises, told, misfits(model, best, noises), doubt=doubt)
 
 
 def _whole(trace: Trace, number: int, question: Question) -> tuple[Recording, float]:
@@ -286,19 +286,6 @@ def misfits(model: SnapModel, best: Ending, noises: Sequence[Sequence[Noise]]) -
     return texts
 
 
-def _named(result: Inversion, notes: Sequence[str]) -> Inversion:
-    """The result by its name, and what was fitted in words."""
-    model = result.model
-    assert model is not None
-    unit, count = "s" if model.space.si else "time units", len(model.recordings)
-    told = [
-        f"recording {one.number}: {one.times.size} samples of {', '.join(one.channels)} from {one.times[0]:.4g} to "
-        f"{one.times[-1]:.4g} {unit}, through the snap"
-        for one in model.recordings
-    ]
-    told += [*notes, f"{model.calls} simulations of {model.elements} elements"]
-    return replace(
-        result,
-        title=f"shell of {count} recording{'s' if count > 1 else ''} through the snap, simulated whole",
-        notes=(*told, *result.notes[count:]),
-    )
+def _counted(model: SnapModel) -> str:
+    """How much was simulated."""
+    return f"{model.calls} simulations of {model.elements} elements"

@@ -163,18 +163,10 @@ def critical_thickness(
     plain = jnp.asarray(NO_WEAK_SPOT.depth), jnp.asarray(NO_WEAK_SPOT.width)
     shape = find(cached_meridian(elements, 0.0), like(guess), plain, "buckled", str(area), ratio, True)
 
-    def at(d: float) -> tuple[float, float, int] | None:
-        nonlocal shape
-        moved = _moved(shape, volume_ratio, like(d), str(area))
-        if int(moved.outcome) != Outcome.OK:
-            return None
-        shape = moved
-        return d, *_softest(moved, orders)
-
-    found = _zero(at, guess)
+    found = _zero(shape, lambda near, d: _moved(near, volume_ratio, like(d), str(area)), guess, orders)
     if found is None:
         return CriticalThickness(None, None, Outcome.NOT_CONVERGED)
-    return CriticalThickness(*found, Outcome.OK)
+    return CriticalThickness(*found[:2], Outcome.OK)
 
 
 def critical_volume(
@@ -207,30 +199,36 @@ def critical_volume(
     start = jnp.asarray(1 - share)
     shape = find(cached_meridian(elements, 0.0), conditions, plain, "buckled", str(area), start, True)
 
-    def at(taken: float) -> tuple[float, float, int] | None:
+    found = _zero(shape, lambda near, taken: _moved(near, 1 - taken, conditions, str(area)), share, orders)
+    if found is None:
+        return SymmetryLoss(None, None, None, 1.0, Outcome.NOT_CONVERGED)
+    taken, order, there = found
+    return SymmetryLoss(1 - taken, float(there.difference), order, 1 - taken, Outcome.OK)
+
+
+def _zero(
+    shape: RestShape, move: Callable[[RestShape, float], RestShape], guess: float, orders
+) -> tuple[float, int, RestShape] | None:
+    """Where the lowest eigenvalue of a shape vanishes as it is moved, near a guess: its order, and the last shape.
+
+    Eigenvalues of near shapes lie nearly on a line, so by secants; None where a shape is not found, or no zero is near.
+    """
+
+    def at(place: float) -> tuple[float, float, int] | None:
         nonlocal shape
-        moved = _moved(shape, 1 - taken, conditions, str(area))
+        moved = move(shape, place)
         if int(moved.outcome) != Outcome.OK:
             return None
         shape = moved
-        return taken, *_softest(moved, orders)
+        return place, *_softest(moved, orders)
 
-    found = _zero(at, share)
-    if found is None:
-        return SymmetryLoss(None, None, None, 1.0, Outcome.NOT_CONVERGED)
-    return SymmetryLoss(1 - found[0], float(shape.difference), found[1], 1 - found[0], Outcome.OK)
-
-
-def _zero(at: Callable[[float], tuple[float, float, int] | None], guess: float) -> tuple[float, int] | None:
-    """Where the lowest eigenvalue vanishes near a guess, and its order: eigenvalues of near shapes lie nearly on a
-    line, so by secants; None where a shape is not found, or no zero lies near."""
     before, here = at(guess), at(guess * (1 + BESIDE))
     for _ in range(TRIES):
         if before is None or here is None or before[1] == here[1]:
             break
         step = -here[1] * (here[0] - before[0]) / (here[1] - before[1])
         if abs(step) < EXACT * here[0]:
-            return here[0] + step, here[2]
+            return here[0] + step, here[2], shape
         # of several orders the lowest has kinks
         step = float(np.clip(step, -FAR / 4 * guess, FAR / 4 * guess))
         if abs(here[0] + step - guess) > FAR * guess:
