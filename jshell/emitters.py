@@ -4,7 +4,7 @@ XLA has two ways to turn a fused loop into code for a CPU: its elder writes the
 code itself, the newer, its fusion emitters, goes through a compiler of its own
 for each loop. A shell's programs are thousands of small loops, and most of what
 a user waits for at first is compiling: the program of a run in time takes 19 s
-of processor time by the elder and 30 s by the newer, and runs a fifth faster.
+of processor time by the elder and 30 s by the newer, and runs no slower.
 
 So importing jshell asks for the elder, unless the user's `XLA_FLAGS` speak of
 it, and only of a jaxlib that is known to have the choice: XLA ends the process

@@ -87,7 +87,8 @@ def _pair(text: str, place: str) -> tuple[str, float]:
 
 def _asked(unknown: Sequence[str], prior: Sequence[str], bounds: Sequence[str]) -> dict[str, Any]:
     """The unknowns with what is known of them."""
-    read_texts = jshell.calibration.option_texts.read_texts  # with JAX, which help does not wait for
+    from jshell.calibration.option_texts import read_texts  # with JAX, which help does not wait for
+
     priors = read_texts("priors", _split(prior), "--prior")
     spans = read_texts("bounds", _split(bounds), "--bounds")
     finite = lambda x: None if np.isinf(x) else float(x)  # noqa: E731

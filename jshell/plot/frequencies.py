@@ -80,12 +80,15 @@ def _thicknesses(ax: Axes, table: Mapping[str, object], kept: np.ndarray, x: np.
     d = np.asarray(table.get("d_hat", ()), dtype=float)
     if d.shape != kept.shape or np.unique(d[kept]).size < 2 or kept.sum() > MOST_NAMED:
         return
-    for place, height, thickness in zip(x, y[:, 1], d[kept], strict=True):
+    fast = y[:, 1]
+    near_x, near_y = 0.03 * np.ptp(x), 0.05 * np.nanmax(fast)  # about the size of a number
+    for place, height, thickness in zip(x, fast, d[kept], strict=True):
         if np.isfinite(height):
-            ax.annotate(f"{thickness:.3g}", (place, height), (4, 3), textcoords="offset points", fontsize=6, color=GREY)
-    ax.text(
-        0.985, 0.02, f"numbers: {quantity('d_hat').symbol}", transform=ax.transAxes, ha="right", fontsize=6, color=GREY
-    )
+            # the number goes below its marker where the one of another would lie on it
+            covered = np.any((np.abs(x - place) < near_x) & (fast > height) & (fast - height < near_y))
+            shift = (4, -8) if covered else (4, 3)
+            ax.annotate(f"{thickness:.3g}", (place, height), shift, textcoords="offset points", fontsize=6, color=GREY)
+    ax.text(0.985, 0.02, r"numbers: $\hat d$", transform=ax.transAxes, ha="right", fontsize=6, color=GREY)
 
 
 def curves(

@@ -1,5 +1,6 @@
 """How the terminal starts: help without JAX, and programs compiled once."""
 
+import ast
 import importlib
 import inspect
 import os
@@ -10,6 +11,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+import jshell
 from jshell import oscillator, programs
 from jshell.cli import constants, destinations, main, traces
 from jshell.dynamics import LONGEST_STEP
@@ -49,6 +51,22 @@ def test_the_list_of_verbs_says_what_each_says_of_itself(name):
     verb = getattr(module, name, None)
     words = module.app.info.help if verb is None else inspect.getdoc(verb).split("\n\n")[0]
     assert main.VERBS[name][1] == words
+
+
+def test_the_terminal_asks_of_a_room_only_what_is_at_its_door():
+    """A module behind the door is there only where something else has loaded it: a fresh process fails."""
+    asked = [
+        (path.name, chain.value.attr, chain.attr)
+        for path in Path(main.__file__).parent.glob("*.py")
+        for chain in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(chain, ast.Attribute)
+        and isinstance(chain.value, ast.Attribute)
+        and isinstance(chain.value.value, ast.Name)
+        and chain.value.value.id == "jshell"
+    ]
+    assert len(asked) > 20
+    doors = {room: getattr(jshell, room) for _, room, _ in asked}
+    assert not [one for one in asked if hasattr(doors[one[1]], "__path__") and one[2] not in doors[one[1]].__all__]
 
 
 def test_defaults_that_help_shows_are_the_rooms_own():
