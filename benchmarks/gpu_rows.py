@@ -11,9 +11,10 @@ from contextlib import contextmanager, nullcontext
 from functools import lru_cache
 from pathlib import Path
 
-CHUNK = {"fits": 50_000, "second": 64, "exact": 16, "traces": 256}  # what goes through one program: bounds memory
+CHUNK = {"fits": 50_000, "settled": 50_000, "second": 64, "exact": 16, "traces": 256}  # in one program: bounds memory
 ELEMENTS, TRACED, DURATION = 32, 24, 7.0  # of modes; of a trace, a tenth of the usual run
 TRIES = 3
+SETTLED = 1e-16  # of the cost: a search ends where its next step promises less, 3e-7 standard errors
 
 
 @contextmanager
@@ -123,14 +124,18 @@ def records(count: int, seed: int):
     return Recordings(0.1 * np.arange(400), values, conditions)
 
 
-def fitted(count: int, begin: int, say, lock) -> None:
-    """Fits of V and S, in chunks."""
+def fitted(kind: str, count: int, begin: int, say, lock) -> None:
+    """Fits of V and S, in chunks: as a user's, or each search to its very end, where alone both can agree."""
     import jax
     import numpy as np
 
     from jshell.calibration import fit_batch
+    from jshell.signals import lane_search
 
-    chunk, first, spent, parts, repeats = min(count, CHUNK["fits"]), 0.0, 0.0, [], 1
+    if kind == "settled":
+        lane_search.FLAT = SETTLED
+    chunk, first, spent, parts, repeats = min(count, CHUNK[kind]), 0.0, 0.0, [], 1
+    own = []
     for k, at in enumerate(range(0, count, chunk)):
         with jax.default_device(jax.devices("cpu")[0]):  # the same data for both
             batch = records(min(chunk, count - at), begin + k)
@@ -146,9 +151,23 @@ def fitted(count: int, begin: int, say, lock) -> None:
                 times.append(time.perf_counter() - began)
         spent += min(times)
         parts.append((found.values[:, :4], found.stderr[:, :4], found.outcome))
+        if kind == "settled":
+            own.append(np.abs(fit_batch(nudged(batch)).values[:, :4] - found.values[:, :4]) / found.stderr[:, :4])
     values, stderr, outcome = (np.concatenate(x) for x in zip(*parts, strict=True))
     given = {"values": values, "stderr": stderr, "outcome": outcome}
-    say("fits", count, first, spent, repeats, given, ok=int(np.sum(outcome == 0)), of=count)
+    if own:
+        given["own"] = np.concatenate(own)
+    say(kind, count, first, spent, repeats, given, ok=int(np.sum(outcome == 0)), of=count)
+
+
+def nudged(batch):
+    """The same records, the last bit of every sample turned up, down or left: what rounding alone may do to a fit."""
+    import dataclasses
+
+    import numpy as np
+
+    turned = np.random.default_rng(0).integers(-1, 2, batch.values.shape)
+    return dataclasses.replace(batch, values=batch.values + turned * np.spacing(batch.values))
 
 
 def eigenvalues(say, lock) -> None:
@@ -203,8 +222,8 @@ def child(args) -> None:
         print("ROW " + json.dumps(row), flush=True)
 
     for count in args.counts:
-        if args.kind == "fits":
-            fitted(count, args.begin, say, lock)
+        if args.kind in ("fits", "settled"):
+            fitted(args.kind, count, args.begin, say, lock)
         elif args.kind == "eigenvalues":
             eigenvalues(say, lock)
         else:
