@@ -1,4 +1,6 @@
-# make demo: the main job, end to end.   make test: lint, types, tests.   make slow, make bench: the long ones.
+# make demo: the main job, end to end.   make test: lint, types, every promise once.
+# make test-long: the tests of some seconds each, more shells, more options, every example of a docstring.
+# make slow, make bench: minutes each.
 # make test-apart: the tests that need a browser, a database server, or execute notebooks that `make docs` has not.
 # make docs: notebooks and pages executed, where they changed, and built into out/docs.   make release: built and tried.
 PYTHON ?= python3
@@ -6,13 +8,16 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test test-apart lint slow bench docs release clean
+.PHONY: demo test test-long test-apart lint slow bench docs release clean
 
 demo: $(STAMP)
 	$(BIN)/jshell demo --out out/demo
 
 test: $(STAMP) lint
 	$(BIN)/python -m pytest -n 2 --dist worksteal
+
+test-long: $(STAMP)
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "long and not slow and not apart"
 
 test-apart: $(STAMP)
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m "apart and not slow"

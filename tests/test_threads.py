@@ -40,6 +40,7 @@ def _run(**given: str) -> list[str]:
     return done.stdout.split()
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not os.path.isdir("/proc/self/task"), reason="threads are counted where Linux lists them")
 @pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="one core has one thread")
 def test_a_batch_of_factorisations_is_not_shared_out():
@@ -48,6 +49,7 @@ def test_a_batch_of_factorisations_is_not_shared_out():
     assert int(busy) <= 1
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not os.path.isdir("/proc/self/task"), reason="threads are counted where Linux lists them")
 @pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="one core has one thread")
 def test_what_the_user_set_stays():

@@ -65,6 +65,7 @@ def test_exchanged_columns_and_wrong_lengths_are_refused(film):
         fit_trajectories(changed(film, H=22.5, W=22.5), fix={"alpha2": 1.1})
 
 
+@pytest.mark.long
 def test_an_excursion_says_nothing_of_a_level(film):
     still = {name: np.asarray(film[name]) - np.mean(film[name]) for name in "HW"}
     found = fit_trajectories(dataclasses.replace(film, channels=still), fix={"alpha2": 1.1})
@@ -76,10 +77,12 @@ def test_a_gauge_pressure_is_named(ring):
         fit_trajectories(changed(ring, conditions=ring.conditions.replace(outer_pressure=0.5)))
 
 
+@pytest.mark.long
 def test_a_nonlinear_fit_of_another_shell_is_unusable(ring):
     assert fit_nonlinear([ring, changed(ring, V=2.19)]).outcome == (Outcome.OK, Outcome.UNUSABLE_DATA)
 
 
+@pytest.mark.long
 def test_a_row_of_a_batch_of_another_shell_is_unusable_and_hurts_no_other(ring):
     found = fit_batch([ring, changed(ring, V=2.19), changed(ring, V=1e-5), ring])
     assert [outcome.word for outcome in found.outcomes] == ["ok", "unusable_data", "unusable_data", "ok"]
@@ -103,6 +106,7 @@ def test_nor_in_a_batch(ring, fit):
         fit([ring, changed(ring, settings=HELD)])
 
 
+@pytest.mark.long
 def test_its_frequencies_are_fitted_and_said_to_be_of_a_held_shell(film):
     assert film.attached == 0.33
     found = fit_trajectories(film, fix={"alpha2": 1.1})
@@ -117,6 +121,7 @@ def test_a_pad_that_is_no_angle_is_refused(ring):
         fit_trajectories(changed(ring, settings=(("attached", "much"),)))
 
 
+@pytest.mark.long
 def test_simulated_records_carry_their_pad():
     made = js.dynamics.simulate(js.presets.R.conditions, duration=1.0, elements=16, attached=0.33)
     assert made.attached == 0.33

@@ -91,6 +91,7 @@ def test_ragged_uneven_and_missing_samples_are_fitted(shells, traces):
     assert found["alpha1"][2] == pytest.approx(single["alpha1"].value, abs=1e-3 * single["alpha1"].stderr)
 
 
+@pytest.mark.long
 def test_outcomes_name_what_went_wrong(traces):
     t = np.asarray(traces[0].times)
     flat = Trace(t, {"V": np.full(t.size, 3.0), "S": np.asarray(traces[0]["S"])}, traces[0].conditions)
@@ -158,6 +159,7 @@ def test_a_thousand_random_shells_end_at_the_true_minimum():
     assert not np.any(found.ok & ~right)
 
 
+@pytest.mark.long
 def test_bootstrap_scatters_as_the_standard_errors_say():
     random = np.random.default_rng(0)
     V, P = random.uniform(2.0, 3.6, 40), random.uniform(0.5, 3.0, 40)

@@ -50,6 +50,7 @@ def agree(found, row: int, trace: Trace, **options) -> None:
             assert found.error_of(name)[row] == pytest.approx(one.stderr, rel=sigmas)
 
 
+@pytest.mark.long
 def test_rows_of_height_and_width_are_single_modal_fits():
     traces = [measured(0), measured(1)]
     found = fit_batch(traces, "modal")

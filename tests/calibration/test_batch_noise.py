@@ -48,6 +48,7 @@ def agree(found, row: int, trace: Trace) -> None:
     assert found.misfit[row] == any(text.startswith("misfit") for text in single.warnings)
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore::jshell.calibration.FitWarning", "ignore::jshell.errors.RangeWarning")
 def test_rows_of_a_batch_are_single_fits_whatever_their_noise():
     traces = [noisy(0.0, 1), noisy(0.5, 2), noisy(0.9, 3), lacking(4)]

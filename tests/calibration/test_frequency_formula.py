@@ -22,6 +22,7 @@ def test_numpy_and_jax_say_the_same_to_the_bit():
         np.testing.assert_allclose(np.asarray(jax_own), own[:, i], rtol=1e-15)
 
 
+@pytest.mark.long
 def test_the_lanes_of_a_batch_have_the_frequencies_and_their_slopes():
     gas, wall = KAPPA * P / V, K_A / (4 * np.pi) * np.ones(2)
     blank, each = jnp.zeros((2, 32, 2)), jnp.ones(2)  # the record's samples do not matter here
@@ -41,6 +42,7 @@ def test_the_lanes_of_a_batch_have_the_frequencies_and_their_slopes():
         np.testing.assert_allclose(found.damped_slope[:, :, lane], np.asarray(slope).T, rtol=1e-10, atol=1e-13)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("squared", [False, True])
 def test_the_lanes_of_a_bootstrap_have_the_cost_of_the_table_and_its_slope(squared):
     table = {

@@ -16,6 +16,7 @@ def test_lengths_are_powers_of_two(count, common):
     assert lengths.common_length(count) == common
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("loss", ["strict", "modal"])
 @pytest.mark.parametrize("even", [True, False])
 def test_a_fit_does_not_depend_on_the_length_it_is_brought_to(monkeypatch, loss, even):

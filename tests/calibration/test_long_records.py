@@ -33,6 +33,7 @@ def noisy(seed: int):
     return random_trace(random_shell(seed), seed, samples=SAMPLES)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("loss", ["strict", "modal"])
 def test_blocks_give_the_residual_the_gradient_and_the_jacobian_of_all_rows(loss, short_blocks):
     problem, c, tau = prepare(noisy(3), loss), random_shell(3).coefficients, random_shell(3).tau
@@ -55,6 +56,7 @@ def test_blocks_give_the_residual_the_gradient_and_the_jacobian_of_all_rows(loss
     np.testing.assert_allclose(rows[:, :-1].T @ rows[:, -1], gradient, rtol=1e-6, atol=1e-9 * np.abs(gradient).max())
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore:the plateau law:jshell.calibration.FitWarning")
 @pytest.mark.parametrize("channels", [None, ("V",)])
 def test_a_fit_by_blocks_is_the_fit(channels, short_blocks, monkeypatch):
@@ -104,6 +106,7 @@ def test_a_fit_with_more_than_constants_goes_by_blocks_too(options, short_blocks
             assert mine.stderr == pytest.approx(theirs.stderr, rel=1e-4)
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore:the plateau law:jshell.calibration.FitWarning")
 def test_records_of_odd_lengths_share_programs_whatever_is_asked_of_them(monkeypatch):
     seen, real = [], long_records.from_many_starts

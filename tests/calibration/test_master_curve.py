@@ -80,6 +80,7 @@ def test_numbers_equal_lmfits(weighting, known):
     assert (found.n_data, found.n_varied, found.absolute) == (other.ndata, other.nvarys, known)
 
 
+@pytest.mark.long
 def test_one_shape_is_refused_and_its_free_direction_named():
     found = fit_frequencies(_table(rows=slice(2, 3)))
     assert found.outcome == Outcome.RANK_DEFICIENT
@@ -94,6 +95,7 @@ def test_one_shape_is_refused_and_its_free_direction_named():
         found.require_ok()
 
 
+@pytest.mark.long
 def test_moving_along_the_free_direction_changes_no_frequency():
     """The direction is read back from the words of the report."""
     found = fit_frequencies(_table(rows=slice(2, 3)))
@@ -110,6 +112,7 @@ def test_moving_along_the_free_direction_changes_no_frequency():
     assert shift(change) < 0.02 * shift({"alpha1": 1.0})  # percents are rounded
 
 
+@pytest.mark.long
 def test_fixing_one_constant_makes_one_shape_enough():
     found = fit_frequencies(_table(rows=slice(2, 3)), fix={"alpha2": TRUE[1]})
     assert found.outcome == Outcome.OK
@@ -133,6 +136,7 @@ def test_a_missing_frequency_is_left_out():
     assert found["alpha1"].value == pytest.approx(TRUE[0], rel=1e-7)
 
 
+@pytest.mark.long
 def test_rest_states_come_from_the_plateau_law_when_not_given():
     conditions = {"d_hat": np.array([0.06, 0.08, 0.1]), "P0_hat": np.array([0.5, 1.0, 3.0])}
     conditions["Pext_hat"] = conditions["P0_hat"] + np.array([0.3, 0.4, 1.5])
@@ -197,6 +201,7 @@ def _wrong(kind: str, seed: int) -> dict[str, np.ndarray]:
     return {"V_e": V, "P_e": P, "omega_minus": omega[:, 0], "omega_plus": omega[:, 1]}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "kind",
     ["slow 30% too fast at high pressure", "fast ones of another shell", "volume twice as heavy in the fast mode"],
@@ -208,6 +213,7 @@ def test_a_table_that_the_model_does_not_describe_is_a_misfit(kind, seed):
     assert found.outcome != Outcome.OK or any(text.startswith("misfit") for text in found.warnings)
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore::jshell.calibration.FitWarning")
 def test_given_errors_that_are_too_small_are_a_misfit():
     table = _wrong("none", 0)

@@ -31,6 +31,7 @@ def fits(traces):
     return fit_nonlinear([trace for trace, _ in traces])
 
 
+@pytest.mark.long
 def test_constants_are_found_within_four_standard_errors(traces, fits):
     truth = np.array([constants for _, constants in traces])
     assert all(outcome == Outcome.OK for outcome in fits.outcome)
@@ -57,6 +58,7 @@ def test_a_hundred_random_shells():
     assert distance.max() < 5
 
 
+@pytest.mark.long
 def test_a_hopeless_trace_beside_good_ones_says_so(traces, fits):
     flat = Trace(TIMES, {"V": np.linspace(2.9, 2.90001, 400), "S": np.full(400, 12.5)}, traces[0][0].conditions)
     found = fit_nonlinear([trace for trace, _ in traces[:3]] + [flat])

@@ -139,6 +139,7 @@ def dirty(trace):
     return Trace(trace.times, channels, trace.conditions)
 
 
+@pytest.mark.long
 def test_a_robust_loss_bears_outliers(shell, dirty):
     plain, robust = fit_trajectories(dirty), fit_trajectories(dirty, robust="huber")
     assert robust["alpha1"].stderr < 0.5 * plain["alpha1"].stderr
@@ -247,6 +248,7 @@ FREQUENCIES = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore::jshell.calibration.report.FitWarning")
 def test_a_negative_coupling_is_bounded_and_told_as_given():
     free = fit_frequencies(FREQUENCIES)
@@ -264,6 +266,7 @@ def test_a_negative_coupling_is_bounded_and_told_as_given():
     assert fit_frequencies(FREQUENCIES, fix={"k_vs": -k})["k_vs"].value == -k
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore::jshell.calibration.report.FitWarning")
 def test_the_coupling_of_modal_fits_can_be_tied_bounded_and_local(trace):
     free = fit_trajectories(trace, "modal", fix={"alpha2": 1.1})

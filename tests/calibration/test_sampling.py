@@ -132,6 +132,7 @@ def test_a_fit_does_not_see_how_stamps_are_rounded(sevenths, stamp):
     assert not rounded.warnings
 
 
+@pytest.mark.long
 def test_a_fit_with_rows_removed_is_as_good_and_says_what_was_done(sevenths):
     trace = sevenths
     exact = refitted(trace, GRID)
@@ -142,6 +143,7 @@ def test_a_fit_with_rows_removed_is_as_good_and_says_what_was_done(sevenths):
     assert "misfit" not in gaps.report()
 
 
+@pytest.mark.long
 def test_a_motion_that_the_model_lacks_is_a_misfit_at_uneven_times_too(sevenths):
     trace = sevenths
     keep = np.arange(281) % 37 != 30

@@ -24,6 +24,7 @@ def result(request, fit):
     return fit if request.param == "trace" else fit_frequencies(TABLE, bounds={"alpha1": (0.5, np.inf)})
 
 
+@pytest.mark.long
 def test_a_result_comes_back_to_the_bit(result, tmp_path):
     read = js.load(result.save(tmp_path / "fit.json"))
     assert read == result
@@ -38,6 +39,7 @@ def test_a_result_comes_back_to_the_bit(result, tmp_path):
     assert (tmp_path / "fit.json").read_text() == read.save(tmp_path / "again.json").read_text()
 
 
+@pytest.mark.long
 def test_a_read_result_walks_around_its_minimum_as_the_fresh_one(result, tmp_path):
     read = js.load(result.save(tmp_path / "fit.json"))
     old, new = result.asked(), read.asked()

@@ -50,6 +50,7 @@ def test_fifty_random_shells_are_recovered_by_the_adaptive_solver():
         _recovered(seed, "diffrax")
 
 
+@pytest.mark.long
 def test_both_solvers_find_the_same():
     trace = random_trace(random_shell(25), 25)
     exact, adaptive = fit_trajectories(trace), fit_trajectories(trace, solver="diffrax")
@@ -58,6 +59,7 @@ def test_both_solvers_find_the_same():
         assert adaptive[name].stderr == pytest.approx(exact[name].stderr, rel=1e-3)
 
 
+@pytest.mark.long
 def test_numbers_equal_lmfits_on_the_same_residual():
     trace = random_trace(random_shell(0), 0)
     found, problem = fit_trajectories(trace), prepare(trace)
@@ -99,6 +101,7 @@ def test_given_errors_are_absolute():
     assert "absolute" in found.report()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("dipole", ["corrected", "printed"])
 def test_both_dampings_are_found_when_free(dipole):
     shell = random_shell(6)
@@ -113,6 +116,7 @@ def test_both_dampings_are_found_when_free(dipole):
     assert found.coefficients.dipole == dipole
 
 
+@pytest.mark.long
 def test_uneven_times_are_fitted_too():
     shell = random_shell(8)
     times = np.sort(np.random.default_rng(0).uniform(0, 40, 200))
@@ -122,6 +126,7 @@ def test_uneven_times_are_fitted_too():
     assert max(abs(z) for z in _deviations(found, shell).values()) < 4
 
 
+@pytest.mark.long
 def test_one_trace_of_volume_leaves_a_direction_free_and_says_so():
     shell = random_shell(9)
     found = fit_trajectories(random_trace(shell, 9), channels=("V",))
@@ -147,6 +152,7 @@ def _squared(shell):
     return np.linalg.solve(system.mass, system.stiffness)
 
 
+@pytest.mark.long
 def test_fixing_alpha2_makes_one_trace_of_any_channel_enough():
     shell = random_shell(9)
     trace = random_trace(shell, 9)
@@ -158,6 +164,7 @@ def test_fixing_alpha2_makes_one_trace_of_any_channel_enough():
     assert found["alpha2"].role == "fixed"
 
 
+@pytest.mark.long
 def test_three_pressures_on_volume_alone_determine_the_constants():
     shell = random_shell(13)
     c, traces = shell.coefficients, []
@@ -175,6 +182,7 @@ def test_three_pressures_on_volume_alone_determine_the_constants():
     assert abs(found["tau[2]"].value - shell.tau) < 4 * found["tau[2]"].stderr
 
 
+@pytest.mark.long
 def test_gradients_agree_between_solvers_directions_and_differences():
     trace = random_trace(random_shell(3), 3, samples=100, duration=20.0)
     c = random_shell(3).coefficients
@@ -268,6 +276,7 @@ def test_a_shell_that_rests_elsewhere_is_told_and_can_be_believed():
     assert max(abs(z) for z in _deviations(found, shell, ("alpha1", "alpha2", "k_vs")).values()) < 4
 
 
+@pytest.mark.long
 def test_modes_the_oscillator_cannot_have_are_a_misfit():
     """Two modes whose areas move against the oscillator's ratios, as the membrane's do (-0.37, -0.41)."""
     t = np.linspace(0, 40, 400)
@@ -284,6 +293,7 @@ def test_modes_the_oscillator_cannot_have_are_a_misfit():
     assert modal["omega_minus"].value == pytest.approx(np.hypot(1.03, 1 / 8), rel=2e-3)
 
 
+@pytest.mark.long
 def test_the_window_is_respected():
     trace = random_trace(random_shell(5), 5, duration=60.0, samples=601)
     found = fit_trajectories(trace, start=9.95, stop=49.95)

@@ -87,6 +87,7 @@ def test_the_profile_is_minos(fit):
     assert one.low - one.value == pytest.approx(minuit.merrors["k_vs"].lower, abs=0.01 * width)
 
 
+@pytest.mark.long
 def test_the_bootstrap_agrees_with_the_covariance(fit):
     found = fit.bootstrap(128, seed=0)
     errors = np.array([fit[name].stderr for name in fit.varied])
@@ -124,6 +125,7 @@ def test_bad_wishes_are_refused(fit):
 KINDS = ["slow mode only", "fast mode only", "a seventh of a period"]  # V only: see test_trajectories
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_data_leave_free_is_named_with_what_would_fix_it(kind, flags):
     _, make = flags["KINDS"][kind]

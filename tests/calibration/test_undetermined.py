@@ -62,6 +62,7 @@ def test_a_record_too_short_says_undetermined_not_a_million_percent(trace, sampl
             assert one.stderr <= 0.5 * max(abs(one.value), 0.05)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("outcome", [Outcome.STALLED, Outcome.NOT_CONVERGED, Outcome.NOT_FINITE])
 @pytest.mark.parametrize("loss", ["strict", "modal"])
 def test_a_fit_that_did_not_come_to_rest_determines_nothing(trace, monkeypatch, outcome, loss):
@@ -91,6 +92,7 @@ def test_what_is_undetermined_comes_back_from_a_file_with_the_place_where_the_se
     assert np.all(np.isfinite(read.asked().values))
 
 
+@pytest.mark.long
 def test_one_shape_of_a_table_is_undetermined():
     found = fit_frequencies({"V_e": [2.7], "P_e": [1.0], "omega_minus": [0.9], "omega_plus": [1.5]})
     assert checked(found) == {"alpha1", "alpha2", "k_vs"}
@@ -103,6 +105,7 @@ def test_a_percentage_beyond_meaning_is_not_printed(value, stderr):
     assert len(line) < 60
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("status", ["one mode", "stuck"])
 def test_rows_of_a_batch_say_undetermined_too(trace, monkeypatch, status):
     batch = js.calibration.fit_batch

@@ -69,6 +69,7 @@ def film(tmp_path_factory):
     return _film(tmp_path_factory.mktemp("film") / "a.tif", sizes), sizes
 
 
+@pytest.mark.long
 def test_height_and_width_of_a_noisy_film_are_without_bias_and_their_errors_honest(film):
     path, sizes = film
     found = measure(path, View(rate=1000))
@@ -157,6 +158,7 @@ def test_a_section_gives_volume_area_and_poles(film, tmp_path):
         np.testing.assert_allclose(stored["t"], found.trace.times)
 
 
+@pytest.mark.long
 def test_a_dimple_seen_in_a_section_has_the_volume_of_its_shape(rest_R):
     shape, q = rest_R.meridian, rest_R.coordinates
     curve, ends = shape.at_points(q), [float(x) for x in poles(shape, q)]

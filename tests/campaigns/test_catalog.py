@@ -21,6 +21,7 @@ def asked(*words: str) -> tuple[int, str]:
     return found.exit_code, found.stdout
 
 
+@pytest.mark.long
 def test_numbers_of_the_table_read_back_to_the_bit(undisturbed):
     found = campaigns.catalog(undisturbed)
     with (undisturbed / "catalog.csv").open(encoding="utf-8", newline="") as stream:
@@ -31,6 +32,7 @@ def test_numbers_of_the_table_read_back_to_the_bit(undisturbed):
         np.testing.assert_array_equal(read, found[name])
 
 
+@pytest.mark.long
 def test_rows_are_found_by_family_and_by_value(undisturbed):
     found = campaigns.catalog(undisturbed)
     assert len(found.where(family="gas")) == 3

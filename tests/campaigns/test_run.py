@@ -56,6 +56,7 @@ def wait_for(condition, process: subprocess.Popen) -> None:
         time.sleep(0.02)
 
 
+@pytest.mark.long
 def test_campaign_killed_in_its_process_and_resumed_here_equals_an_undisturbed_one(small, undisturbed, tmp_path):
     design, out = campaigns.write_design(tmp_path / "design.toml", small), tmp_path / "out"
     process = begin(design, out, "processes:1")

@@ -73,6 +73,7 @@ def test_a_load_too_low_for_a_dimple_is_an_outcome(monkeypatch):
     assert found["V_over_V0"] is None
 
 
+@pytest.mark.long
 def test_modes_are_ascending_and_have_no_decay_without_loss(monkeypatch):
     words = ("modes", "--preset", "R", "--elements", "24")
     free = answer(monkeypatch, *words, "--liquid", "ideal")["modes"]
@@ -89,6 +90,7 @@ def test_modes_refuse_to_guess_a_viscosity(monkeypatch):
     assert found["error"]["place"] == "--eta-hat"
 
 
+@pytest.mark.long
 def test_simulate_writes_a_file_that_analyse_reads(monkeypatch, tmp_path):
     out = tmp_path / "T.csv"
     words = ("simulate", "--preset", "R", "--out", out, "--elements", "12", "--duration", "4", "--every", "0.1")
@@ -136,6 +138,7 @@ def table(path: Path, loads: tuple[float, ...]) -> Path:
     return path
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore:at this load the sphere:jshell.errors.RangeWarning")
 def test_fit_of_a_table_finds_the_constants_that_made_it(monkeypatch, tmp_path):
     found = answer(monkeypatch, "fit", "--table", table(tmp_path / "f.csv", (1.1, 1.2, 1.4)))
@@ -251,6 +254,7 @@ def test_a_table_with_a_negative_frequency_is_refused(monkeypatch, tmp_path):
     assert "omega_minus" in found["place"]
 
 
+@pytest.mark.long
 def test_modes_that_a_thick_liquid_stops_have_a_decay_and_no_frequency(monkeypatch):
     found = answer(monkeypatch, "modes", "--preset", "R", "--elements", "24", "--eta-hat", "1.3", code=3)
     assert found["outcome"] == "overdamped"
@@ -259,6 +263,7 @@ def test_modes_that_a_thick_liquid_stops_have_a_decay_and_no_frequency(monkeypat
     assert first["tau"] > 10
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore::UserWarning")
 def test_a_saved_fit_is_shown_again_without_fitting(monkeypatch, tmp_path):
     rows = table(tmp_path / "f.csv", (1.1, 1.2, 1.4))

@@ -52,6 +52,7 @@ def test_a_compiler_that_returns_wrong_numbers_is_found(monkeypatch, wrong):
     assert "0.10.2" in found.remedy
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("variable", "value", "what"), [("JAX_ENABLE_X64", "0", "precision"), ("JAX_PLATFORMS", "cuda", "devices")]
 )

@@ -30,6 +30,7 @@ def _refused(*words: str) -> str:
     return found.stderr
 
 
+@pytest.mark.long
 def test_a_pulse_is_driven_drawn_and_exported(tmp_path):
     mat, png = tmp_path / "a.mat", tmp_path / "a.png"
     code, told = _asked("drive", *SHELL, "--forcing", "pulse", "--amplitude", "0.01", "--pulsation", "0.8",
@@ -45,6 +46,7 @@ def test_a_pulse_is_driven_drawn_and_exported(tmp_path):
     assert held["P_ext"].min() == pytest.approx(1.19, abs=1e-3)
 
 
+@pytest.mark.long
 def test_a_drive_of_r_rings_down_as_the_simulator_does_and_says_so(tmp_path):
     csv = tmp_path / "a.csv"
     asked = ("drive", "--preset", "R", "--forcing", "step", "--pulsation", "1", "--duration", "2", "--every", "0.5")
@@ -117,6 +119,7 @@ def test_kilopascals_need_si_conditions():
     assert "--kpa" in _refused("drive", *SHELL, "--kpa", "50")
 
 
+@pytest.mark.long
 def test_sensitivity_and_design_speak(tmp_path):
     code, told = _asked("sensitivity", *SHELL, "--of", "omega_plus", "--plot", str(tmp_path / "e.png"))
     assert code == 0
@@ -148,6 +151,7 @@ def test_a_cycle_buckles_and_unbuckles_and_is_drawn(tmp_path):
     assert "--low" in _refused("cycle", *SHELL, "--low", "2", "--high", "1")
 
 
+@pytest.mark.long
 def test_a_bifurcation_counts_what_ends_and_is_drawn(tmp_path):
     png = tmp_path / "b.png"
     code, told = _asked("bifurcation", *SHELL, "--lowest", "0.001", "--highest", "2", "--lanes", "3", "--pulsation",

@@ -38,6 +38,7 @@ WORDS = ("--tone", 0.02, 3.0, "--burst", 0.05, 9.0, 1, "--burst-start", 0.2, "--
 LOST = ("--wall-dilatation", 0.01, "--reynolds")
 
 
+@pytest.mark.long
 def test_options_arrive_as_pythons_arguments(monkeypatch, tmp_path):
     seen: dict = {}
 

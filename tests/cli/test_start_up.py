@@ -85,6 +85,7 @@ def test_help_keeps_units_in_brackets(words):
         assert unit in shown
 
 
+@pytest.mark.long
 def test_a_second_process_compiles_nothing_and_says_nothing_of_it(tmp_path):
     words = ("-m", "jshell", "fit", str(RECORDING))
     first = fresh(*words, XDG_CACHE_HOME=str(tmp_path))
@@ -105,6 +106,7 @@ def test_a_second_process_compiles_nothing_and_says_nothing_of_it(tmp_path):
 WHERE = "import jshell, jax; print(jax.config.jax_compilation_cache_dir)"
 
 
+@pytest.mark.long
 def test_the_users_word_on_compiled_programs_is_heeded(tmp_path):
     room = tmp_path / "jshell" / "programs"
     for code in (WHERE, WHERE.replace("jshell, jax", "jax, jshell")):  # whichever is imported first

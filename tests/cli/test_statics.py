@@ -21,6 +21,7 @@ def answer(monkeypatch, *words, code=0) -> dict:
     return json.loads(result.stdout)
 
 
+@pytest.mark.long
 def test_a_held_volume_gives_the_load_that_holds_it(monkeypatch, R):
     words = ("rest", "--preset", "R", "--elements", ELEMENTS)
     held = answer(monkeypatch, *words, "--volume", 0.75)
@@ -32,6 +33,7 @@ def test_a_held_volume_gives_the_load_that_holds_it(monkeypatch, R):
     assert with_more_pressure["V_over_V0"] < 0.75
 
 
+@pytest.mark.long
 def test_the_grading_asked_for_is_used(monkeypatch, R):
     words = ("rest", "--preset", "R", "--elements", ELEMENTS)
     graded, even = (answer(monkeypatch, *words, "--grading", name) for name in ("rim", "uniform"))

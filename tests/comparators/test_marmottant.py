@@ -45,6 +45,7 @@ def by_scipy():
     return found.y[0]
 
 
+@pytest.mark.long
 def test_the_published_benchmark_agrees_with_an_independent_integration(benchmark, by_scipy):
     R0 = BUBBLE.radius
     assert benchmark.outcome == Outcome.OK
@@ -60,6 +61,7 @@ def test_the_published_benchmark_agrees_with_an_independent_integration(benchmar
     np.testing.assert_allclose(heard[0], heard[1], atol=1e-6)
 
 
+@pytest.mark.long
 def test_the_bubble_compresses_more_than_it_expands(benchmark):
     """The benchmark's point, `compression-only` behaviour."""
     R = benchmark.radius / BUBBLE.radius

@@ -70,6 +70,7 @@ def test_volume_and_area_of_spheroids_are_the_closed_forms(mesh, c):
     assert float(width(mesh, q)) == pytest.approx(2, rel=1e-6)
 
 
+@pytest.mark.long
 def test_geometry_converges_at_the_order_of_its_splines():
     position, curvature = [], []
     for elements in (8, 16, 32):
@@ -83,6 +84,7 @@ def test_geometry_converges_at_the_order_of_its_splines():
     assert order(curvature) > 3.7
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("measure", [volume, area, height, width, gap], ids=lambda f: f.__name__)
 def test_gradient_of_a_measure_is_its_finite_difference(measure):
     mesh = meridian(12)

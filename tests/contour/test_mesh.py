@@ -39,6 +39,7 @@ def moved():
 carried, transferred = jax.jit(carry), jax.jit(transfer)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("attached", [0.0, 0.3272])
 def test_a_compiled_meridian_is_the_one_built_from_numbers(attached, moved):
     base, edge = breakpoints(ELEMENTS, attached)
@@ -53,6 +54,7 @@ def test_a_compiled_meridian_is_the_one_built_from_numbers(attached, moved):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-11 * float(jnp.abs(one).max()))
 
 
+@pytest.mark.long
 def test_what_both_meshes_represent_is_transferred_exactly(even, moved):
     new = moved(even, jnp.asarray(UNEVEN))
     # shares no breakpoint but the poles: a translation is all that both hold besides the sphere
@@ -62,6 +64,7 @@ def test_what_both_meshes_represent_is_transferred_exactly(even, moved):
     np.testing.assert_allclose(carried(random, even, even), random, atol=1e-11)
 
 
+@pytest.mark.long
 def test_a_transferred_shape_converges_at_sixth_order():
     errors = []
     for elements in (12, 24):
@@ -75,6 +78,7 @@ def test_a_transferred_shape_converges_at_sixth_order():
     assert errors[1] < 1e-6
 
 
+@pytest.mark.long
 def test_a_pad_stays_held_through_a_transfer(moved):
     old = meridian(ELEMENTS, 0.3272)  # as large as the one compiled above
     q = dimple(old, 0.8, 0.3)
@@ -90,6 +94,7 @@ def test_a_pad_stays_held_through_a_transfer(moved):
     )  # what 16 elements resolve
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("attached", [0.0, 0.3272])
 def test_nodes_crowd_at_the_rim_and_neighbours_stay_alike(attached, moved):
     shape = meridian(24, attached)
@@ -111,6 +116,7 @@ def test_a_sphere_is_graded_evenly(even):
     np.testing.assert_allclose(rim_breaks(even, even.sphere), np.linspace(0, np.pi, ELEMENTS + 1), atol=1e-6)
 
 
+@pytest.mark.long
 def test_measures_of_a_sphere_converge_in_the_nodes_derivative(even):
     # the sphere is one shape on any nodes: its volume hardly feels them
     slope = jax.jit(jax.grad(lambda b: volume_of(regrade(even, b), regrade(even, b).sphere)))(jnp.asarray(UNEVEN))
@@ -119,6 +125,7 @@ def test_measures_of_a_sphere_converge_in_the_nodes_derivative(even):
     assert float(jnp.abs(slope[1:-1]).max()) < 1e-7
 
 
+@pytest.mark.long
 def test_volume_and_area_of_a_spheroid_converge_at_twice_the_order_of_slopes():
     errors = []
     for elements in (8, 16, 32):
@@ -141,6 +148,7 @@ def test_breakpoints_that_are_none_are_refused(breaks):
         meridian(ELEMENTS, breaks=breaks)
 
 
+@pytest.mark.long
 def test_a_pad_of_another_size_is_a_mesh_built_for_it():
     shape, even = with_pad(meridian(16, 0.3), 0.41), meridian(16, 0.41)
     assert shape.edge == even.edge
@@ -149,10 +157,12 @@ def test_a_pad_of_another_size_is_a_mesh_built_for_it():
     np.testing.assert_allclose(shape.near.x_slope, even.near.x_slope, atol=1e-10)
 
 
+@pytest.mark.long
 def test_a_free_mesh_has_no_pad_to_change():
     np.testing.assert_array_equal(with_pad(meridian(16), 0.3).nodes, meridian(16).nodes)
 
 
+@pytest.mark.long
 def test_small_elements_beside_a_pads_edge_hold_every_shape_of_the_mesh_before():
     before = with_pad(meridian(16, 0.3), 0.35)
     after = with_small_edge(before, 3, 2.0)

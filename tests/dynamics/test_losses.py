@@ -23,6 +23,7 @@ def bubble():
     return shape, flow(shape, shape.sphere)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("n", range(6))
 def test_a_bubble_decays_with_lambs_rate(bubble, n):
     shape, current = bubble
@@ -35,6 +36,7 @@ def test_a_bubble_decays_with_lambs_rate(bubble, n):
     assert rate == pytest.approx((n + 2) * (2 * n + 1), rel=1e-6)
 
 
+@pytest.mark.long
 def test_a_breathing_wall_loses_what_marmottants_does(bubble, R):
     shape, _ = bubble
     even = wall(shape, R, jnp.ones(shape.angles.size))
@@ -124,6 +126,7 @@ def test_second_order_in_time_rings_as_the_exact_liquid(make_problem, viscosity,
     assert got.real == pytest.approx(s.real, rel=0.02)
 
 
+@pytest.mark.long
 def test_second_order_takes_energy_from_every_motion_even_in_thick_liquids(rest_R, make_problem):
     """The series' own second order does not, on motions that the mesh does not resolve: in time it would run away."""
     shape, q = rest_R.meridian, rest_R.coordinates

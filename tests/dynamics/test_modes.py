@@ -103,6 +103,7 @@ def test_modes_of_the_sphere_are_the_closed_forms(d, known, make_problem):
 # ---- in a Stokes layer of first order
 
 
+@pytest.mark.long
 def test_modes_in_a_layer_of_four_shells(family, cases):
     found = family.modes
     for k, case in enumerate(cases):
@@ -120,6 +121,7 @@ def test_modes_of_the_reference_shell_in_a_layer(layered_R, viscous):
         np.testing.assert_allclose(layered_R.tau[k], row["stokes_layer"][1], rtol=5e-5)
 
 
+@pytest.mark.long
 def test_intrinsic_frequency_is_made_of_damped_frequency_and_decay(modes_R):
     np.testing.assert_allclose(modes_R.omega**2, modes_R.Omega**2 + modes_R.tau**-2, rtol=1e-13)
     np.testing.assert_allclose(np.abs(modes_R.rate), modes_R.omega, rtol=1e-13)
@@ -225,6 +227,7 @@ def check_sphere(orders, elements, viscosity, make_problem):
         assert float(found.tau[k]) == pytest.approx(-1 / wanted.real, rel=1e-6)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("viscosity", [0.004, 0.05, 0.5])
 def test_modes_of_the_sphere_in_the_exact_liquid(viscosity, make_problem):
     """What 24 elements carry to 1e-6."""
@@ -255,6 +258,7 @@ def test_the_sphere_of_another_code(viscous):
         assert sphere_root(row["n"], row["eta"]) == pytest.approx(complex(*row["s"]), rel=1e-9)
 
 
+@pytest.mark.long
 def test_second_order_is_what_it_is_said_to_be(make_problem):
     """Errors in ω and τ against the exact liquid."""
     for viscosity, omega, tau in ((0.0006, 5e-4, 2e-3), (0.004, 1e-3, 8e-3), (0.013, 4e-3, 2.5e-2)):
@@ -264,6 +268,7 @@ def test_second_order_is_what_it_is_said_to_be(make_problem):
         np.testing.assert_allclose(second.tau[:3], exact.tau[:3], rtol=tau)
 
 
+@pytest.mark.long
 def test_a_thick_liquid_stops_the_shell(make_problem):
     """The source's data end in "fully damped" at 1.3."""
     found = modes(make_problem(0.22, 0.9, 1.6, 1.3), elements=ELEMENTS)
@@ -273,6 +278,7 @@ def test_a_thick_liquid_stops_the_shell(make_problem):
         modes(make_problem(0.22, 0.9, 1.6, 1.3), elements=ELEMENTS, throw=True)
 
 
+@pytest.mark.long
 def test_without_viscosity_all_liquids_are_ideal(undamped_R, make_problem):
     for liquid in ("exact", "second"):
         found = modes(make_problem(0.22, 0.9, 1.6, 0.0), elements=ELEMENTS, liquid=liquid)
@@ -321,6 +327,7 @@ def nearest(basis, weights, values):
     return jnp.linalg.solve(weighted @ basis, weighted @ values)
 
 
+@pytest.mark.long
 def test_attached_modes_of_the_reference_shell(R):
     """The pad holds the stress-free sphere: an independent code has these, see docs/validation.md."""
     found = modes(R, elements=ELEMENTS, attached=0.3272492347489368, liquid="ideal")
@@ -332,6 +339,7 @@ def test_attached_modes_of_the_reference_shell(R):
 # ---- derivatives, batches, outcomes
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["thickness", "gas_pressure", "outer_pressure", "viscosity"])
 @pytest.mark.parametrize("quantity", ["omega", "tau"])
 def test_derivative_of_the_first_mode_is_the_central_difference(quantity, name, family, slopes):
@@ -384,6 +392,7 @@ def test_a_bad_count_is_refused(count, R):
         modes(R, count=count, elements=ELEMENTS)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("liquid", "viscosity"), [("layer", 0.02), ("second", 0.05)])
 def test_a_layer_too_thick_for_its_series_is_said_with_the_exact_modes(make_problem, liquid, viscosity):
     problem = make_problem(0.22, 0.9, 1.6, viscosity)

@@ -49,6 +49,7 @@ def each_way(body, q, u, v):
     }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "name",
     [
@@ -68,6 +69,7 @@ def test_actions_are_the_matrices(both, name):
     np.testing.assert_allclose(by_action, by_matrix, rtol=0, atol=1e-12 * np.abs(by_matrix).max())
 
 
+@pytest.mark.long
 def test_the_derivative_of_a_step_is_its_difference(moving):
     body, q, u, _ = moving
     load = jnp.asarray(1.62)

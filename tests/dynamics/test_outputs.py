@@ -65,6 +65,7 @@ def test_far_pressure_refuses_what_it_cannot_read():
         far_pressure(Trace(t[:5], {"V_rate": t[:5]}), 10.0)
 
 
+@pytest.mark.long
 def test_meridians_are_read_on_the_nodes_of_their_sample(motion):
     angles = np.linspace(0.0, np.pi, 37)
     shapes, rates = meridians(motion, angles)
@@ -79,6 +80,7 @@ def test_meridians_are_read_on_the_nodes_of_their_sample(motion):
         meridians(motion, np.array([0.0, 4.0]))
 
 
+@pytest.mark.long
 def test_the_liquid_around_a_sample_is_that_of_its_shape(motion):
     k, place = 3, 2.0
     found = liquid_at(motion, k, np.full(183, place), np.zeros(183))
@@ -86,6 +88,7 @@ def test_the_liquid_around_a_sample_is_that_of_its_shape(motion):
     assert float(found.v_x[0]) == pytest.approx(-0.2 * radius**2 / place**2, rel=1e-7)
 
 
+@pytest.mark.long
 def test_a_motion_becomes_a_dataset(motion):
     xarray = pytest.importorskip("xarray")
     data = to_xarray(motion, np.linspace(0.0, np.pi, 37))

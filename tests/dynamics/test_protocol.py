@@ -29,6 +29,7 @@ from jshell.membrane import rest
 SHORT = {"duration": 1.0, "elements": 16, "losses": Losses("frequency", frequency=1.2)}
 
 
+@pytest.mark.long
 def test_a_pressure_may_be_a_law_or_a_record(R):
     by_ramp = simulate(R, ramp=0.5, **SHORT)
     times = np.array([0.0, 0.5, 2.0])
@@ -38,6 +39,7 @@ def test_a_pressure_may_be_a_law_or_a_record(R):
     np.testing.assert_allclose(by_law["V"], by_ramp["V"], rtol=1e-12)
 
 
+@pytest.mark.long
 def test_a_forcing_adds_to_the_pressure(R):
     driven = simulate(R, ramp=0.5, forcing=lambda t: 0.1 * jnp.sin(t), **SHORT)
     steady = 0.9 + 0.7 * np.clip(np.asarray(driven.times) / 0.5, 0, 1)
@@ -86,6 +88,7 @@ def test_kicks_move_the_volume_as_they_say(modes_R, rest_R):
         kick(modes_R, 0.01, (9,))
 
 
+@pytest.mark.long
 def test_a_run_goes_on_from_its_file_bit_for_bit(R, tmp_path, monkeypatch):
     import importlib
 
@@ -117,6 +120,7 @@ def test_a_run_goes_on_from_its_file_bit_for_bit(R, tmp_path, monkeypatch):
     assert path.read_bytes() == b"junk"
 
 
+@pytest.mark.long
 def test_a_recorded_run_holds_its_shapes(R):
     motion = record(R, ramp=0.5, **SHORT)
     shape = motion.setup.shape

@@ -46,6 +46,7 @@ def total_energy(trace):
 # ---- small motions about R
 
 
+@pytest.mark.long
 def test_without_loss_the_shell_rings_at_its_modes(undamped_kick, undamped_R):
     assert int(undamped_kick.outcome) == Outcome.OK
     V = np.asarray(undamped_kick["V"])
@@ -68,6 +69,7 @@ def still(kick, rest_R):
     return kick(nothing, nothing)
 
 
+@pytest.mark.long
 def test_a_shell_at_rest_stays_at_rest(still, rest_R):
     assert int(still.outcome) == Outcome.OK
     # Newton to 1e-9 in position, and rounding over 2000 steps
@@ -75,6 +77,7 @@ def test_a_shell_at_rest_stays_at_rest(still, rest_R):
     assert float(jnp.max(still["kinetic"])) < 1e-12
 
 
+@pytest.mark.long
 def test_energy_is_conserved_without_loss(undamped_kick):
     # ten periods of the slow mode, V moving by 2 % from end to end, at the usual step
     assert drift(undamped_kick) < 1e-4
@@ -94,6 +97,7 @@ def test_a_step_can_be_as_short_as_one_likes(kick, two_modes):
     assert drift(short) < 5e-6
 
 
+@pytest.mark.long
 def test_a_kick_along_a_damped_mode_rings_and_decays_as_that_mode(kick, modes_R, cases):
     s = complex(modes_R.rate[0])
     v = modes_R.shapes[0]
@@ -124,6 +128,7 @@ def test_the_reference_shell_snaps_and_settles(snap):
     assert 22 < snap.times[int(np.argmin(V))] < 28
 
 
+@pytest.mark.long
 def test_the_snap_is_heard_as_the_reference_is(snap):
     heard = extract(snap)
     assert heard.outcome is Outcome.OK
@@ -165,6 +170,7 @@ def test_a_pad_holds_the_back_pole(attached_snap):
     np.testing.assert_allclose(attached_snap["v_back"], 0, atol=1e-12)
 
 
+@pytest.mark.long
 def test_channels_agree_with_each_other(snap):
     # the gas law, and velocities against differences of positions: second order in 0.05
     np.testing.assert_allclose(snap["P"], 0.9 * (snap["V"] / SPHERE_VOLUME) ** -1.4, rtol=1e-12)
@@ -174,6 +180,7 @@ def test_channels_agree_with_each_other(snap):
     np.testing.assert_allclose(snap["P_ext"], ramp, rtol=1e-12)
 
 
+@pytest.mark.long
 def test_the_energy_balance_closes_through_the_snap(snap):
     energy = total_energy(snap)
     potential = np.asarray(snap["elastic"] + snap["gas"] - snap["work"])
@@ -292,6 +299,7 @@ def test_a_displacement_of_the_wrong_length_is_refused(rest_R, R):
         simulate(R, start=rest_R, displacement=jnp.zeros(3), stokes_frequency=1.2)
 
 
+@pytest.mark.long
 def test_a_run_ends_where_the_wall_touches_itself(make_problem):
     """A thick buckled shell, pushed at twice the load that it rests under: its poles meet."""
     problem = make_problem(0.3, 0.9, 2.0, 1e-4)

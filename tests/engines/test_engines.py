@@ -50,6 +50,7 @@ def test_address_without_a_scheduler_is_refused(monkeypatch):
         engines.open("tcp://127.0.0.1:9")
 
 
+@pytest.mark.long
 def test_dead_process_costs_its_own_task_and_is_replaced():
     with engines.open("processes:2") as engine:
         others = [engine.submit(os.getpid) for _ in range(4)]

@@ -54,6 +54,7 @@ def test_the_laws_energy_is_that_of_the_short_model_on_its_line(law):
         np.testing.assert_allclose(own, moving, rtol=1e-3)
 
 
+@pytest.mark.long
 def test_a_slow_load_unbuckles_and_buckles_where_the_short_model_says():
     law = radial_law(R, CONSTANTS, SCALES, along="rest", equilibrium=REST, rows=101)
     ends = js.oscillator.thresholds(R, CONSTANTS, REST)

@@ -38,6 +38,7 @@ def sphere_mass(fine, liquid):
     return liquid(fine, fine.sphere)[0]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("n", range(6))
 def test_added_mass_of_the_sphere_is_the_closed_form(n, fine, sphere_mass):
     u = legendre(fine, n)

@@ -63,6 +63,7 @@ def lamb(aspect):
     return float(alpha), float(beta)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("aspect", [2.0, 0.5, 4.0, 0.25])
 def test_spheroids_moving_sideways_and_turning_have_their_added_mass(aspect, sphere):
     shape, _ = sphere

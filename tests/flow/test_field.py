@@ -39,6 +39,7 @@ def exact(n, radius, angle):
     return -P / ((n + 1) * radius ** (n + 1)), outward * c - along * s, outward * s + along * c
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("n", [0, 1, 2])
 def test_the_flow_about_a_sphere_is_the_exact_one(n, wall):
     """n = 0 breathes with 1/r², n = 1 translates as a dipole, n = 2 changes its shape."""
@@ -54,6 +55,7 @@ def test_the_flow_about_a_sphere_is_the_exact_one(n, wall):
     np.testing.assert_allclose(np.asarray(found.v_r)[on_axis], 0.0, atol=1e-12)
 
 
+@pytest.mark.long
 def test_as_much_liquid_leaves_as_the_dented_shell_grows(wall):
     """Through a sphere about the shell flows dV/dt, and far away the potential is that of a source of as much."""
     q = dimple(wall, jnp.asarray(0.7), jnp.asarray(0.22))

@@ -3,6 +3,7 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 from jshell.contour import meridian
 from jshell.flow import added_mass, flow, gyroscopic
@@ -31,6 +32,7 @@ def compared(mesh, ways, tests):
     return tests @ shaped @ ways.T, tests @ jax.vmap(along)(ways).T
 
 
+@pytest.mark.long
 def test_turning_converges_to_the_derivative_of_the_added_mass():
     errors = []
     for elements in (16, 32):

@@ -63,6 +63,7 @@ def resistances(sphere):
     return np.stack([np.asarray(impedance(sphere.liquid, jnp.asarray(decay))) for decay in DECAYS])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("n", ORDERS)
 def test_impedance_of_a_sphere_is_the_closed_form(n, sphere, resistances):
     motions = sphere.motions(n)
@@ -72,6 +73,7 @@ def test_impedance_of_a_sphere_is_the_closed_form(n, sphere, resistances):
         np.testing.assert_allclose(found, known, rtol=0, atol=1e-6 * np.abs(known).max())
 
 
+@pytest.mark.long
 def test_a_rigid_sphere_feels_bassets_force(sphere, resistances):
     t = np.asarray(sphere.shape.shift)
     for decay, Z in zip(DECAYS, resistances, strict=True):
@@ -111,6 +113,7 @@ def test_second_order_of_a_sphere_is_its_closed_form(sphere):
         np.testing.assert_allclose(motions @ D @ motions.T, known, rtol=0, atol=1e-6 * np.abs(known).max())
 
 
+@pytest.mark.long
 def test_second_order_of_the_reference_shell_by_its_terms(undamped_R):
     shape, q = undamped_R.rest.meridian, undamped_R.rest.coordinates
     both = eqx.filter_jit(lambda q: (second_order(shape, now := flow(shape, q)), second_resistance(shape, now)))

@@ -18,6 +18,7 @@ def values(R, modes_R) -> list:
     return [R, trace, js.signals.extract(trace, "V", start=0.0), modes_R.rest, modes_R]
 
 
+@pytest.mark.long
 def test_values_show_numbers_with_units_in_a_few_lines(R, modes_R):
     wanted = (
         ("thickness=0.22 [R0]", "outer_pressure=1.6 [E d/R0]"),

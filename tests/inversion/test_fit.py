@@ -45,6 +45,7 @@ def test_the_header_is_forgotten_where_it_is_asked(make_recording):
         assert other[name].value == pytest.approx(one[name].value, rel=1e-5)
 
 
+@pytest.mark.long
 def test_intervals_hold_the_truth_with_and_without_memory(make_recording):
     held = []
     for seed in range(4):
@@ -64,6 +65,7 @@ def test_profiles_of_a_sharp_minimum_are_the_intervals_of_the_covariance(make_re
         assert profiles[name].high == pytest.approx(high, abs=0.05 * (high - low))
 
 
+@pytest.mark.long
 def test_the_posterior_is_as_wide_as_the_intervals_and_the_simulator_confirms_it(make_recording):
     found = invert(make_recording(), tuple(TRUTH))
     drawn = found.posterior(500, warmup=150, chains=1)
@@ -77,6 +79,7 @@ def test_the_posterior_is_as_wide_as_the_intervals_and_the_simulator_confirms_it
     assert "simulator's own" in drawn.report()
 
 
+@pytest.mark.long
 def test_a_posterior_far_from_its_polynomials_is_not_sound(make_recording, monkeypatch):
     found = invert(make_recording(), tuple(TRUTH))
     monkeypatch.setattr("jshell.inversion.posterior.REACH", 1e-3)
@@ -92,6 +95,7 @@ def test_a_start_that_leads_nowhere_is_not_the_only_one(make_recording):
     assert abs(found["youngs_modulus"].value - 0.5e6) < 4 * found["youngs_modulus"].stderr
 
 
+@pytest.mark.long
 def test_the_remedy_of_an_inversion_speaks_of_unknowns(make_recording):
     unknown, options = SETS["everything of one record"]
     found = invert(make_recording(), unknown, **options)
@@ -100,6 +104,7 @@ def test_the_remedy_of_an_inversion_speaks_of_unknowns(make_recording):
     assert "load" not in found.report()
 
 
+@pytest.mark.long
 def test_several_recordings_share_what_they_share(make_recording):
     traces = [make_recording(outer=outer, seed=k) for k, outer in enumerate((1.65, 1.8))]
     found = invert(traces, ("youngs_modulus", "outer_pressure"), local=("outer_pressure",))
@@ -143,6 +148,7 @@ SETS = {
 }  # fmt: skip
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", SETS)
 def test_what_cannot_be_known_is_said_with_its_direction(name, make_recording):
     unknown, options = SETS[name]
@@ -174,6 +180,7 @@ def test_a_record_without_an_oscillation_is_refused(make_recording):
         invert(trace, ("youngs_modulus",), stop=trace.times[10] * trace.scales.time)
 
 
+@pytest.mark.long
 def test_what_no_laboratory_knows_is_sought_beside_what_is_asked(make_recording):
     found = invert(make_recording(), tuple(TRUTH), nuisance=True)
     assert found.outcome == Outcome.OK, found.report()

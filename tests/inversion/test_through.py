@@ -85,6 +85,7 @@ def test_slopes_are_central_differences_in_all_numbers():
         assert size > 0
 
 
+@pytest.mark.long
 def test_a_measured_pressure_says_what_the_ramp_says():
     trace = record(settings=())
     asked = ("youngs_modulus",)
@@ -108,6 +109,7 @@ class Killed(BaseException):
     """As sudden as a kill."""
 
 
+@pytest.mark.long
 def test_a_search_that_was_killed_goes_on_to_the_same_answer(tmp_path):
     whole = invert(record())
 

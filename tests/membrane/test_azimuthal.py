@@ -132,6 +132,7 @@ def _first_order(state):
     return nulls, eqx.filter_jit(order_of)(state.meridian, splines, hessians, nulls, jnp.asarray(1))
 
 
+@pytest.mark.long
 def test_moving_and_turning_a_dimple_costs_nothing(rest_R):
     nulls, order = _first_order(rest_R)
     K, T = np.asarray(order.K), np.asarray(nulls)
@@ -144,6 +145,7 @@ def test_moving_and_turning_a_dimple_costs_nothing(rest_R):
     assert np.linalg.matrix_rank(np.asarray(order.nulls), tol=1e-6) == 3
 
 
+@pytest.mark.long
 def test_a_thick_dimple_is_round(rest_R):
     found = membrane.stability(rest_R, orders=range(1, 9), elements=ELEMENTS, throw=True)
     assert found.verdict == "round"

@@ -35,6 +35,7 @@ def threshold():
     return buckling_eigenvalue(0.22)
 
 
+@pytest.mark.long
 def test_the_branch_passes_through_the_plateau_of_other_codes(branch):
     falling = np.flatnonzero(branch.held_stability > 0)
     order = falling[np.argsort(branch.volume_ratio[falling])]
@@ -43,6 +44,7 @@ def test_the_branch_passes_through_the_plateau_of_other_codes(branch):
     np.testing.assert_allclose(found, PLATEAU["0.22"][1:], rtol=1e-2)
 
 
+@pytest.mark.long
 def test_the_branch_runs_from_the_sphere_to_contact(branch, threshold):
     assert branch.outcome == Outcome.CONTACT
     assert 0 < branch.clearance[-1] < 0.01
@@ -70,6 +72,7 @@ def test_energy_falls_by_the_work_of_the_pressure_along_the_branch(branch):
     np.testing.assert_allclose(np.diff(branch.elastic), work, atol=1e-2 * np.abs(work).max())
 
 
+@pytest.mark.long
 def test_a_state_of_the_branch_has_its_volume_and_energy(branch, make_problem):
     k = int(np.argmin(np.abs(branch.volume_ratio - 0.7)))
     shape, q = branch.shape(k)
@@ -77,6 +80,7 @@ def test_a_state_of_the_branch_has_its_volume_and_energy(branch, make_problem):
     assert float(elastic_energy(shape, q, plain)) == pytest.approx(branch.elastic[k], rel=1e-10)
 
 
+@pytest.mark.long
 def test_at_the_maxwell_point_dimple_and_sphere_store_the_same(branch, make_problem):
     point = maxwell_point(make_problem(0.22, 0.9, 1.6), branch=branch)
     assert point.outcome == Outcome.OK
@@ -108,6 +112,7 @@ def held():
     return jax.jit(pressures)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("d", "ratio", "asked"), [(0.22, 0.7, 0.11475), (0.05, 0.6, 0.01014), (0.1, 0.8, 0.03237)])
 def test_a_held_volume_is_met_at_the_plateau_of_other_codes(d, ratio, asked, held):
     p, found = held(d, ratio)
@@ -117,12 +122,14 @@ def test_a_held_volume_is_met_at_the_plateau_of_other_codes(d, ratio, asked, hel
     assert float(p) == pytest.approx(asked, rel=1e-3)
 
 
+@pytest.mark.long
 def test_a_held_shape_is_the_shape_at_its_load(held, R, rest_R):
     _, found = held(0.22, float(rest_R.volume_ratio))
     assert float(found.outer_pressure) == pytest.approx(1.6, rel=1e-8)
     assert float(found.area_ratio) == pytest.approx(float(rest_R.area_ratio), rel=1e-8)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("which", [0, 1], ids=["thickness", "volume"])
 def test_gradient_of_the_held_pressure_is_its_difference(which, held):
     at = [0.22, 0.7]

@@ -17,6 +17,7 @@ def at(load, thickness=0.3, **options):
     return rest(Reduced(thickness, 0.9, load), elements=16, **options)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("load", [2.4, 2.6, 5.0])
 def test_a_wall_whose_thickness_is_used_up_touches(load):
     found = at(load)
@@ -25,12 +26,14 @@ def test_a_wall_whose_thickness_is_used_up_touches(load):
     assert not float(found.clearance) > 0  # the reason stays
 
 
+@pytest.mark.long
 def test_room_is_left_below_that_load():
     found = at(2.0)
     assert Outcome(int(found.outcome)) == Outcome.OK
     assert float(found.clearance) > 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("load", [1.2, 2.6, 20.0])
 def test_lanes_and_derivatives_of_what_is_no_answer_are_nan(load):
     ratio = lambda p: at(p).volume_ratio  # noqa: E731
@@ -42,6 +45,7 @@ def test_lanes_and_derivatives_of_what_is_no_answer_are_nan(load):
     assert np.isnan(float(slopes[1]))
 
 
+@pytest.mark.long
 def test_the_branch_ends_before_its_wall_touches_itself():
     found = deflation_branch(Reduced(0.3, 0.9, 2.0), elements=16, lowest=0.2)
     assert found.outcome == Outcome.CONTACT
@@ -49,6 +53,7 @@ def test_the_branch_ends_before_its_wall_touches_itself():
     assert found.clearance[-1] < 0.02
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["thickness", "outer_pressure", "poisson_ratio"])
 def test_a_derivative_outside_jit_is_that_inside(name):
     at = {"thickness": 0.22, "outer_pressure": 1.6, "poisson_ratio": 0.5}

@@ -54,6 +54,7 @@ def test_all_energies_grow_alike_near_the_stress_free_sphere(mesh, R):
     assert energy("koiter") == pytest.approx(8 * np.pi * K_A, rel=5 * h)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("area", AREAS)
 def test_stiffness_is_the_hessian_of_the_potential_energy(area, rough, R):
     shape, q, profile = rough
@@ -65,6 +66,7 @@ def test_stiffness_is_the_hessian_of_the_potential_energy(area, rough, R):
     np.testing.assert_allclose(found, wanted, atol=1e-11 * float(jnp.abs(wanted).max()))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("area", AREAS)
 def test_gradient_is_the_central_difference(area, rough, R):
     shape, q, profile = rough

@@ -25,6 +25,7 @@ def test_rest_shape_of_the_reference_shell(rest_R):
     assert float(rest_R.stability) > 0
 
 
+@pytest.mark.long
 def test_rest_shapes_of_other_shells(family, cases):
     found = family.modes.rest
     for k, case in enumerate(cases):
@@ -73,6 +74,7 @@ def test_inner_pressure_is_the_adiabatic_gas(rest_R):
     assert float(rest_R.pressure) == pytest.approx(0.9 * float(rest_R.volume_ratio) ** -1.4, rel=1e-13)
 
 
+@pytest.mark.long
 def test_a_batch_gives_the_same_shape_as_a_single_call(family, rest_R):
     batch = jax.tree.map(lambda leaf: leaf[0], family.modes.rest)
     # the first case of the batch is R; both converge to rounding times the condition of K
@@ -80,6 +82,7 @@ def test_a_batch_gives_the_same_shape_as_a_single_call(family, rest_R):
     np.testing.assert_allclose(batch.coordinates, rest_R.coordinates, atol=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["thickness", "gas_pressure", "outer_pressure"])
 def test_volume_by_condition_is_the_central_difference(name, family, slopes, R):
     wanted = family.difference(lambda found: found.rest.volume, name)
@@ -87,6 +90,7 @@ def test_volume_by_condition_is_the_central_difference(name, family, slopes, R):
     assert float(getattr(slopes["volume"], name)) == pytest.approx(float(wanted), rel=1e-5)
 
 
+@pytest.mark.long
 def test_backward_and_forward_derivative_agree(slopes, R):
     backward = jax.jit(jax.grad(lambda conditions: rest(conditions, elements=ELEMENTS).volume))(R)
     for name in ("thickness", "gas_pressure", "outer_pressure", "kappa", "poisson_ratio"):

@@ -39,6 +39,7 @@ def test_stokes_limits_of_the_decay_time(length, limit):
     assert float(reynolds_decay_time(jnp.asarray(1e-6), length=length)) == pytest.approx(limit, rel=1e-5)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("curve", ["almedeij", "clift"])
 @pytest.mark.parametrize("precision", ["float32", "float64"])
 def test_values_and_gradients_are_finite_from_creeping_flow_past_the_crisis(precision, curve):

@@ -44,6 +44,7 @@ def _in_numpy(shell, c, amplitude, pulsation):
     return rate, [V_e, S_e, 0.0, 0.0]
 
 
+@pytest.mark.long
 def test_a_driven_run_agrees_with_an_independent_one(shell, constants, driven_run):
     rate, start = _in_numpy(shell, constants, 0.02, 0.8)
     other = solve_ivp(rate, (0, 50), start, method="DOP853", t_eval=TIMES, rtol=1e-12, atol=1e-14)
@@ -51,12 +52,14 @@ def test_a_driven_run_agrees_with_an_independent_one(shell, constants, driven_ru
     np.testing.assert_allclose(driven_run.motion.S, other.y[1], atol=2e-9)
 
 
+@pytest.mark.long
 def test_energy_less_all_work_is_kept(driven_run):
     assert int(driven_run.outcome) == Outcome.OK
     assert float(jnp.max(jnp.abs(driven_run.imbalance))) < 1e-9
     assert float(driven_run.motion.lost[-1]) < 0 < float(driven_run.motion.gained[-1])
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore:the Stokes layer")  # 0.2 R0 thick: energy is kept nevertheless
 def test_energy_is_kept_whatever_the_drag(shell, constants):
     """Everything at once, in fixed steps: layer, wall, sound and a quasi-steady Reynolds law."""
@@ -77,6 +80,7 @@ def _observed_order(run, reference, steps):
     return np.log(gaps[0] / gaps[1]) / np.log(steps[0] / steps[1])
 
 
+@pytest.mark.long
 def test_the_fast_solver_is_of_fourth_order(shell, constants, driven_run):
     run = lambda h: drive(shell, constants, Tone(0.02, 0.8), times=TIMES, solver="rk4", step=h, budget=False).motion.V  # noqa: E731
     assert _observed_order(run, driven_run.motion.V, (0.1, 0.05)) == pytest.approx(4, abs=0.2)
@@ -124,6 +128,7 @@ def _many(amplitudes, k_vs, shell):
     return drive(shell, c, Tone(amplitudes, 0.8), times=TIMES, solver="rk4", step=0.05, budget=False)
 
 
+@pytest.mark.long
 def test_a_poisoned_lane_hurts_nobody(shell):
     """NaN, a pressure beyond all sense, and one that unbuckles the shell, beside two sound lanes."""
     sound = jnp.array([0.01, 0.02])
@@ -163,6 +168,7 @@ def test_a_poisoned_lane_under_vmap_hurts_nobody(shell, constants):
     assert np.all(np.isfinite(before))
 
 
+@pytest.mark.long
 def test_ends_are_named(shell, constants):
     """A steady suction unbuckles; a blow to the area flattens, one to the volume empties."""
     from jshell.oscillator import Step

@@ -40,6 +40,7 @@ def _linearised(state, coefficients, conditions):
     return motion(jnp.zeros(4)), jax.jacfwd(motion)(jnp.zeros(4))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("dipole", ["corrected", "printed"])
 @pytest.mark.parametrize(("nu", "kappa"), [(0.5, 1.4), (0.3, 1.07), (0.5, 1.0)])
 def test_linearised_motion_equals_the_closed_matrices(dipole, nu, kappa):
@@ -81,6 +82,7 @@ def test_power_lost_is_twice_the_dissipation():
     np.testing.assert_allclose(rate, -2 * dissipation(q, v, c, conditions), rtol=1e-12)
 
 
+@pytest.mark.long
 def test_nonlinear_motion_tends_to_the_linear_one_quadratically():
     shell = random_shell(4)
     times = np.linspace(0, 5, 20)

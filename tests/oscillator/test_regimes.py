@@ -67,6 +67,7 @@ def test_a_wrong_beginning_is_refused(shell, constants):
         simulate_regimes(shell, constants, lambda t: 0.0, times=np.linspace(0, 1, 3), begin="cube")
 
 
+@pytest.mark.long
 def test_a_small_tone_answers_as_the_linear_model_says(shell, constants):
     w = np.linspace(0.6, 1.6, 6)
     size = 1e-5
@@ -98,6 +99,7 @@ def test_a_bifurcation_agrees_with_shooting_and_flags_what_unbuckles(shell, cons
         bifurcation(shell, constants, [0.1], w, periods=5, keep=9)
 
 
+@pytest.mark.long
 def test_softening_of_the_source_and_its_curve():
     found = softening(0.02, 0.4, SOURCE)
     ratios = [float(found.slow), float(found.fast), float(found.marmottant)]

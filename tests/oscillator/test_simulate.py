@@ -19,6 +19,7 @@ def _run(times, **options):
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("times", [np.linspace(1.0, 20.0, 100), np.linspace(1.0, 20.0, 60) ** 1.2])
 def test_exact_and_adaptive_motion_agree(times):
     exact, adaptive = _run(times), _run(times, solver="diffrax")
@@ -31,6 +32,7 @@ def test_exact_and_adaptive_motion_agree(times):
     assert dict(exact.settings)["alpha1"] == f"{SHELL.coefficients.alpha1:.17g}"
 
 
+@pytest.mark.long
 def test_adaptive_derivatives_forward_reverse_and_exact_agree():
     times = jnp.linspace(0.0, 10.0, 21)
 

@@ -117,6 +117,7 @@ def test_slow_pulsations_stand_over_what_was_varied(campaign, material):
         assert mark[0, 1] == printed("fig:detail-attached", "free_omega_minus").value
 
 
+@pytest.mark.long
 def test_the_master_curve_goes_through_shells_that_obey_it(campaign, material):
     figure = frequencies.master(material.readings, material.runs)
     ax = figure.axes[0]
@@ -227,6 +228,7 @@ def test_runs_are_chosen_by_family_and_pressure(campaign, material):
         material.trace("attached")
 
 
+@pytest.mark.long
 def test_the_verb_lists_and_draws(tmp_path):
     run = CliRunner().invoke(app, ["figures"])
     assert run.exit_code == 0

@@ -116,6 +116,7 @@ def test_bad_tables_are_refused(runs):
         calibrate(runs.where(np.arange(COUNT) < 2))
 
 
+@pytest.mark.long
 def test_trajectories_give_the_same_constants():
     traces, t = [], np.arange(0.0, 40.0, 0.1)
     for V, P0, phase in ((2.7, 0.5, 0.3), (3.0, 0.9, 1.0), (3.3, 1.8, 2.0)):

@@ -44,6 +44,7 @@ def test_the_moments_tell_the_snap(motion):
     assert len(plot.moments(still)) <= 7
 
 
+@pytest.mark.long
 def test_arrows_are_the_liquids_velocity_and_lie_outside(motion):
     seen = arrows(motion, 4)
     # mirrored: as many above as below the axis, moving apart or together alike
@@ -58,6 +59,7 @@ def test_arrows_are_the_liquids_velocity_and_lie_outside(motion):
     assert np.all(seen.v_x[before] < 0)
 
 
+@pytest.mark.long
 def test_a_strip_has_a_picture_per_moment_and_the_contours(motion, tmp_path):
     figure = plot.filmstrip(motion, times=[21.0, 22.5, 23.5])
     titles = [ax.get_title(loc="left") for ax in figure.get_axes()]
@@ -70,6 +72,7 @@ def test_a_strip_has_a_picture_per_moment_and_the_contours(motion, tmp_path):
     assert plot.save(figure, tmp_path / "strip.png").stat().st_size > 10_000
 
 
+@pytest.mark.long
 def test_the_longest_arrow_is_as_long_as_said_and_the_wall_as_thick_as_it_is(motion):
     ax = plot.snapshot(motion, 22.0)
     (quiver,) = (item for item in ax.collections if hasattr(item, "U"))

@@ -94,6 +94,7 @@ def _draws(ax: Axes) -> bool:
     return True
 
 
+@pytest.mark.long
 def test_a_shape_that_was_not_found_is_named_and_not_drawn():
     found, lost = _dented(), replace(_dented(), coordinates=_dented().coordinates * jnp.nan, outcome=jnp.asarray(4))
     ax = plot.rest_shape([found, lost])
@@ -115,6 +116,7 @@ def test_figures_show_themselves_in_a_notebook():
     assert figure._repr_png_().startswith(b"\x89PNG")  # type: ignore[union-attr]
 
 
+@pytest.mark.long
 def test_importing_jshell_does_not_import_matplotlib():
     code = "import sys, jshell, jshell.plot; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

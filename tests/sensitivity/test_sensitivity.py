@@ -17,6 +17,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::jshell.errors.RangeWarning")
 R = presets.R.conditions
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["omega_minus", "omega_plus", "tau", "omega_sphere"])
 def test_elasticities_are_those_of_richardson_differences(name):
     c = Coefficients(3.6, 1.1, 0.23, 5.3)
@@ -136,6 +137,7 @@ def test_wrong_ranges_are_refused():
         sobol("omega_minus", {"alpha1": Range(1, 2)}, R, SOURCE, rows=100)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(20))
 def test_designs_recover_twenty_random_shells(seed):
     random = np.random.default_rng(seed)
@@ -149,6 +151,7 @@ def test_designs_recover_twenty_random_shells(seed):
     assert min(gaps) < 1e-6  # where two shells ring alike both are given
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("excess", [1.0, 1.02, 1.05, 1.1])
 def test_both_shells_of_a_wish_are_found(excess):
     # the curves ω- = 0.8 and ω+ = 1.6 cross twice at each of these loads; the nearest grid points are all at one

@@ -47,6 +47,7 @@ def small() -> Iterator[dict]:
         yield ran("small", folder)
 
 
+@pytest.mark.long
 def test_a_server_killed_around_its_answer_loses_and_doubles_nothing(small):
     found = small["submits"]
     assert found["acknowledged"] + found["killed_before_answer"] == 8
@@ -222,6 +223,7 @@ def gone(processes: list[psutil.Process], seconds: float) -> bool:
     return not psutil.wait_procs(processes, timeout=seconds)[1]
 
 
+@pytest.mark.long
 def test_a_killed_service_leaves_no_process_and_another_does_its_job(local, tmp_path):
     url, cache = f"sqlite:///{local.database.url.database}", tmp_path / "programs"
     job = local.submit("simulate", long(1), []).job.id

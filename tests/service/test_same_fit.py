@@ -77,6 +77,7 @@ def unmarked(cases: list) -> list:
     return [pytest.param(*one.values, id=one.id) for one in cases]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("options", "words", "fields"), CASES)
 def test_library_terminal_and_service_fit_alike(options, words, fields, recording, tmp_path):
     with warnings.catch_warnings():

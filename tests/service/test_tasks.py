@@ -70,6 +70,7 @@ def test_a_model_that_cannot_run_says_why(change, words):
     assert words in json.dumps(answer.error, ensure_ascii=False)
 
 
+@pytest.mark.long
 def test_modes_are_the_librarys_own():
     R = {"d_hat": 0.22, "P0_hat": 0.9, "Pext_hat": 1.62, "eta_hat": 0.004}
     asked = {"conditions": R, "elements": 16, "count": 2, "liquid": "ideal"}

@@ -93,6 +93,7 @@ def test_a_fault_of_our_own_is_a_number_in_the_log(running, caplog):
     assert any(number in one.message and "Traceback" in one.message for one in caplog.records)
 
 
+@pytest.mark.long
 def test_a_killed_process_is_replaced_and_its_job_done_again(running):
     store, worker = running
     job = store.submit("simulate", long(1), []).job
@@ -118,6 +119,7 @@ def test_a_cancelled_job_is_stopped_and_the_next_one_done(running):
     assert store.result_names(job.id) == ()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("limit", ["seconds", "memory"])
 def test_a_job_beyond_a_limit_is_ended_in_words(running, limit):
     store, worker = running
@@ -135,6 +137,7 @@ def test_a_job_beyond_a_limit_is_ended_in_words(running, limit):
     assert "at most" in row.error.cause
 
 
+@pytest.mark.long
 def test_a_service_that_stops_gives_back_what_it_has_not_done(running):
     store, worker = running
     job = store.submit("simulate", long(4), []).job

@@ -57,6 +57,7 @@ def test_padding_changes_nothing():
     np.testing.assert_allclose(whole.omega, short.omega, rtol=1e-8)
 
 
+@pytest.mark.long
 def test_gradient_of_the_frequency_equals_a_finite_difference():
     rng = np.random.default_rng(0)
     values = jnp.asarray(ring(TIMES, *TRUTH) + 0.005 * rng.normal(size=TIMES.size))[:, None]

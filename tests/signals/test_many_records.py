@@ -72,6 +72,7 @@ def survey(seeds: range) -> tuple[int, np.ndarray]:
     return alarms, np.concatenate(z)
 
 
+@pytest.mark.long
 def test_good_records_are_called_good_and_their_errors_hold():
     alarms, z = survey(range(60))
     assert alarms <= 1

@@ -20,6 +20,7 @@ def _records(count):
     return values, np.hypot(Omega, 1 / tau[:, None]), tau
 
 
+@pytest.mark.long
 def test_rows_agree_with_the_single_extraction_and_the_truth():
     values, omega, tau = _records(20)
     values[7] = 1.0
@@ -39,6 +40,7 @@ def test_rows_agree_with_the_single_extraction_and_the_truth():
         assert heard.stderr[row, 0] == pytest.approx(one.stderr["omega_minus"], rel=1e-2)
 
 
+@pytest.mark.long
 def test_lengths_may_differ_and_padding_is_not_read():
     values, omega, _ = _records(20)
     values[1, 300:] = np.nan

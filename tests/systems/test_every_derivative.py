@@ -195,6 +195,7 @@ def check(subject: Subject) -> None:
             assert abs(float(found) - difference) <= allowed, (name, kind, float(found), difference)
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore::jshell.errors.RangeWarning")  # of the plateau law at this thickness
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=pytest.mark.slow if name in DEAR else ()) for name in SUBJECTS]

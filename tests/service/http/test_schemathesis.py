@@ -45,6 +45,7 @@ def failures(
     return done.stdout
 
 
+@pytest.mark.long
 def test_the_api_keeps_its_description(quiet, tmp_path):
     failures(quiet, tmp_path, 3, "fuzzing,stateful", 120)
 
