@@ -112,13 +112,22 @@ def invert(
     model = Model(records, whole, elements)
     weighings = [first_weighing(one, tuple(range(_shown(one))), free_rest) for one in records]
 
-    begun = starts(records, whole)
+    begun, promising = starts(records, whole)
     if begin is not None:
         begun = np.concatenate([whole.to_u(np.array([[begin[n] for n in whole.names]])), begun])
-    endings = _brought_to_rest(model, _from_starts(model, begun, weighings), weighings)
+        promising += 1
+    endings = _brought_to_rest(model, _from_starts(model, begun[:promising], weighings), weighings)
     if endings[0].outcome not in (Outcome.OK, Outcome.AT_BOUND):
         return _finished(drawn_up(model, endings[0], endings, weighings, (), (), ()), throw)
-    best, weighings, noises = _settled(model, endings[0], weighings)
+    first = weighings
+    best, weighings, noises = _settled(model, endings[0], first)
+    untried = begun[len(endings) :]
+    if len(untried) and misfits(model, best.lefts, noises):
+        others, better = _others(model, untried, first)
+        if better:
+            best, weighings, noises = better
+            endings = [others.pop(), *endings]  # the last that was tried
+        endings += others
     notes = []
     if exact:
         best, weighings, note = corrected(model, best, weighings, _again)
@@ -185,6 +194,22 @@ def _from_starts(model: Model, begun: np.ndarray, weighings: Sequence[Weighing])
     return sorted(endings, key=_rank)
 
 
+Settled = tuple[Ending, list[Weighing], list[list[Noise]]]
+
+
+def _others(model: Model, begun: np.ndarray, weighings: list[Weighing]) -> tuple[list[Ending], Settled | None]:
+    """Where less promising starts end, after the best minimum left a misfit; and the first that leaves none."""
+    endings: list[Ending] = []
+    for u in begun:
+        ending = _brought_to_rest(model, [minimise(model, u, weighings, max_steps=40, legs=3)], weighings)[0]
+        endings.append(ending)
+        if ending.outcome in (Outcome.OK, Outcome.AT_BOUND):
+            settled = _settled(model, ending, weighings)
+            if not misfits(model, settled[0].lefts, settled[2]):
+                return endings, settled
+    return endings, None
+
+
 def _brought_to_rest(model: Model, endings: list[Ending], weighings: Sequence[Weighing]) -> list[Ending]:
     """The best of the ends, sought on where the steps of a start did not reach a valley's floor."""
     best = endings[0]
@@ -200,7 +225,7 @@ def _rank(ending: Ending) -> float:
     return ending.cost if np.isfinite(ending.cost) else np.inf
 
 
-def _settled(model: Model, best: Ending, weighings: list[Weighing]) -> tuple[Ending, list[Weighing], list[list[Noise]]]:
+def _settled(model: Model, best: Ending, weighings: list[Weighing]) -> Settled:
     """The minimum with the noise that it leaves, and as many modes as that noise lets be heard."""
     noises = examined(model, best.lefts, weighings)
     for _ in range(ROUNDS):

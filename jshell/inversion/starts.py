@@ -27,9 +27,10 @@ TABLE = "ringing.csv"
 DRAWS = 4096
 ROUNDS, AROUND, KEPT = 6, 1024, 24
 SPREADS = {"frequency": 0.04, "decay": 0.35, "rest": 0.02}  # of the interpolation, relative
-STARTS = 4
+STARTS, IN_ALL = 4, 8  # tried in any case; with those that are tried where they leave a misfit
 APART = 0.05  # of the bounds' span: starts nearer than this are one
-WORSE = 60.0  # of χ² above the best that a start may lie
+ELSEWHERE = 0.15  # the same of starts that are tried where the best leave a misfit
+WORSE = 60.0  # of χ² above the best that a start may lie which is tried in any case
 OUTSIDE = 1e4
 PREFERRED = 1.0  # of χ², for each mode passed over
 OVERTONE, UNHEARD = 2.0, 30.0  # of χ², for a frequency that is an octave, and for one that is nothing
@@ -72,8 +73,8 @@ def table(held: bool) -> Table:
     return Table(rows[(rows[:, 4] > 0) == held], held)
 
 
-def starts(recordings: tuple[Recording, ...], space: Space, count: int = STARTS) -> np.ndarray:
-    """(starts, unknowns) as the solver sees them, the most promising first."""
+def starts(recordings: tuple[Recording, ...], space: Space) -> tuple[np.ndarray, int]:
+    """(starts, unknowns) as the solver sees them, the most promising first; and how many are nearly as promising."""
     low, high = space.to_u(space.low), space.to_u(space.high)
     cost = lambda draws: promise(recordings, space, low + draws * (high - low))  # noqa: E731
     draws = qmc.Sobol(low.size, seed=0).random(DRAWS)  # pyright: ignore[reportCallIssue]
@@ -85,6 +86,7 @@ def starts(recordings: tuple[Recording, ...], space: Space, count: int = STARTS)
         if centre is not None:  # what is known beforehand is drawn from that
             draws[:, i] = np.clip(centre[0] + centre[1] * (4 * draws[:, i] - 2), 0, 1)
     chi = cost(draws)
+    swept, of_swept = draws, chi
     generator = np.random.default_rng(0)
     spread = 0.5 * DRAWS ** (-1 / low.size)
     for _ in range(ROUNDS):
@@ -93,13 +95,21 @@ def starts(recordings: tuple[Recording, ...], space: Space, count: int = STARTS)
         around = np.clip(around + spread * generator.standard_normal(around.shape), 0.0, 1.0)
         draws, chi = np.concatenate([draws[best], around]), np.concatenate([chi[best], cost(around)])
         spread *= 0.6
-    chosen: list[int] = []
+    chosen: list[np.ndarray] = []
+    promising = chi <= chi.min() + WORSE
+    _choose(chosen, draws[promising], chi[promising], STARTS, APART)
+    found = len(chosen)
+    _choose(chosen, swept, of_swept, IN_ALL, ELSEWHERE)  # the rounds have drawn together about the best
+    return low + np.stack(chosen) * (high - low), found
+
+
+def _choose(chosen: list[np.ndarray], draws: np.ndarray, chi: np.ndarray, count: int, apart: float) -> None:
+    """Add the best draws that lie apart from those that are chosen, until there are enough."""
     for k in np.argsort(chi):
-        if chi[k] > chi.min() + WORSE or len(chosen) == count:
-            break
-        if all(np.max(np.abs(draws[k] - draws[j])) > APART for j in chosen):
-            chosen.append(int(k))
-    return low + draws[chosen] * (high - low)
+        if len(chosen) == count or not np.isfinite(chi[k]):
+            return
+        if all(np.max(np.abs(draws[k] - other)) > apart for other in chosen):
+            chosen.append(draws[k])
 
 
 def _about(prior, low: float, high: float, logarithmic: bool) -> tuple[float, float] | None:
