@@ -9,7 +9,7 @@ from scipy.special import factorial, lpmv
 
 from jshell import membrane
 from jshell.contour import WeakSpot, azimuthal, meridian
-from jshell.flow import flow, slip_matrix
+from jshell.flow import flow, impedance, slip_matrix, viscous_liquid
 from jshell.flow.azimuthal import order_flow, order_layers
 from jshell.flow.azimuthal_layer import order_second, order_slip, order_wall
 from jshell.flow.second_order import second_order
@@ -101,6 +101,7 @@ def lamb(aspect):
     return float(alpha), float(beta)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("aspect", [2.0, 0.5, 4.0, 0.25])
 def test_spheroids_moving_sideways_and_turning_have_their_added_mass(aspect, sphere):
     shape, _ = sphere
@@ -194,6 +195,18 @@ def test_the_drag_of_a_sphere_is_the_closed_form():
         assert drag(1.0, 5.0, order) == pytest.approx(6 * np.pi * (1 + 5 + 25 / 9), rel=1e-10)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("aspect", [1.2, 0.8])
+@pytest.mark.parametrize("decay", [0.5, 3.0, 4 * np.exp(0.27j * np.pi)])
+def test_the_exact_liquid_takes_of_a_spheroid_moving_along_its_axis_what_other_waves_say(aspect, decay):
+    shape = meridian(48)
+    x, r = shape.split(shape.sphere)
+    Z = impedance(viscous_liquid(shape, jnp.concatenate([aspect * x, r])), jnp.asarray(decay + 0j))
+    # asked: 2e-4
+    assert complex(shape.shift @ Z @ shape.shift) == pytest.approx(drag(aspect, decay, 0), rel=1e-6)
+
+
+@pytest.mark.long
 @pytest.mark.parametrize("aspect", [1.2, pytest.param(0.8, marks=pytest.mark.slow)])
 def test_a_spheroid_moving_sideways_loses_what_a_viscous_liquid_takes(aspect, sphere):
     shape, _ = sphere

@@ -132,6 +132,7 @@ def _first_order(state):
     return nulls, eqx.filter_jit(order_of)(state.meridian, splines, hessians, nulls, jnp.asarray(1))
 
 
+@pytest.mark.long
 def test_moving_and_turning_a_dimple_costs_nothing(rest_R):
     nulls, order = _first_order(rest_R)
     K, T = np.asarray(order.K), np.asarray(nulls)
@@ -188,6 +189,7 @@ def test_the_sign_is_right_from_any_number_of_elements(thickness, sign, elements
     assert found.eigenvalue == pytest.approx(float(many.eigenvalue), rel=0.01)
 
 
+@pytest.mark.long
 def test_a_basis_has_the_derivative_of_its_span():
     """Of no motions too: orders above 1 have none that cost nothing."""
     rng = np.random.default_rng(0)
