@@ -6,7 +6,8 @@ As for m = 0, (1/2 - D)φ = -S v_n, with ring kernels of order m,
     dipole   G'_m = [P (2 r' B - x') + x' Q_{m-1/2}/2] / (2π √(r r')),   P = -t dQ_{m-1/2}/dt
 
 per unit θ. φ has the parity of m and is collocated at the nodes; at the poles it
-is zero, m >= 1.
+is zero, m >= 1. Of m = 0 it is free there, where the kernels are 1/(2ρ₋) and
+r' B/(2ρ₋): that order is the axisymmetric flow of `added_mass`, to rounding.
 
 Symbols    M_m added mass [ρ_f R0³]   Φ potential per coordinate velocity, without its cos mφ   B, x' as in `rings`
 Valid for  unbounded, incompressible, irrotational liquid
@@ -51,8 +52,7 @@ class OrderFlow(NamedTuple):
 def order_layers(shape: Meridian, q: Float[Array, "coordinates"], most: int) -> OrderLayers:
     """Assemble the layers of every order up to `most` for a shape."""
     far, near, curve, local = pairs(shape, q)
-    # at a pole's own ring, of no radius, the kernels vanish; its rows are not used
-    radius = shape.at_nodes(q)[1].at[jnp.array([0, -1])].set(1.0)[:, None]
+    radius = shape.at_nodes(q)[1][:, None]
     source, dipole = _kernels(far, radius, most)
     far_source, far_dipole = shape.far[None] * source, shape.far[None] * dipole
     source, dipole = _kernels(near, radius, most)
@@ -62,11 +62,12 @@ def order_layers(shape: Meridian, q: Float[Array, "coordinates"], most: int) -> 
 
 
 def order_flow(shape: Meridian, splines: Azimuthal, parts: OrderLayers, m: Int[Array, ""] | int) -> OrderFlow:
-    """The potential flow of order m >= 1; `parts` must hold that order."""
+    """The potential flow of order m; `parts` must hold that order."""
     flux = flux_of_order(parts.curve, [f.values[0] for f in splines.motion(m)])
     beside = flux_of_order(parts.near_curve, [f.near for f in splines.motion(m)])
     potential = potential_of_flux(shape, splines, parts, m, flux, beside)
-    half = -jnp.pi / 2 * (flux.T * shape.weights[None]) @ (splines.potential(m).values[0] @ potential)
+    around = jnp.where(m == 0, 2, 1) * jnp.pi
+    half = -around / 2 * (flux.T * shape.weights[None]) @ (splines.potential(m).values[0] @ potential)
     return OrderFlow(half + half.T, potential)
 
 
@@ -78,12 +79,12 @@ def potential_of_flux(
     flux: Float[Array, "points columns"],
     beside: Float[Array, "nodes near columns"],
 ) -> Float[Array, "nodes columns"]:
-    """Coefficients of φ of order m >= 1 for fluxes per θ through the rings of Gauss points and of those near nodes."""
+    """Coefficients of φ of order m for fluxes per θ through the rings of Gauss points and of those near nodes."""
     family = splines.potential(m)
     near = jnp.einsum("ns,nsk->nk", parts.near_dipole[m], family.near)
     green = family.nodes / 2 - parts.far_dipole[m] @ family.values[0] - near
-    # unknowns: as many functions as inner nodes; what is left is set to zero in the rows of the poles
-    ends = jnp.zeros(green.shape[0], dtype=bool).at[jnp.array([0, -1])].set(True)
+    # m >= 1, unknowns: as many functions as inner nodes; what is left is set to zero in the rows of the poles
+    ends = jnp.zeros(green.shape[0], dtype=bool).at[jnp.array([0, -1])].set(jnp.asarray(m) > 0)
     green = jnp.where(ends[:, None] | ends[None], 0.0, green) + jnp.diag(ends.astype(float))
     single = parts.far_source[m] @ flux + jnp.einsum("ns,nsk->nk", parts.near_source[m], beside)
     return -jnp.linalg.solve(green, jnp.where(ends[:, None], 0.0, single))
@@ -97,11 +98,15 @@ def flux_of_order(curve: Curve, bases: list[Float[Array, "..."]]) -> Float[Array
 
 
 def _kernels(where: Pairs, radius: Float[Array, "nodes 1"], most: int) -> tuple[Array, Array]:
-    """Source and dipole of every order."""
-    between = radius * where.radius
+    """Source and dipole of every order; the rows of the poles, rings of no radius, are those of m = 0 alone."""
+    pole = jnp.zeros_like(radius, dtype=bool).at[jnp.array([0, -1])].set(True)
+    between = jnp.where(pole, 1.0, radius) * where.radius
     t = where.shortest / (2 * between)
     Q = toroidal(t, most)
     P = downhill(t, Q)
     scale = (1 / (2 * jnp.pi * jnp.sqrt(between)))[None]
     slope, bent = where.x_slope[None], (2 * where.radius * where.bend - where.x_slope)[None]
-    return Q * scale, (P * bent + slope * Q / 2) * scale
+    source, dipole = Q * scale, (P * bent + slope * Q / 2) * scale
+    on_axis = 1 / (2 * jnp.sqrt(where.shortest))
+    source = source.at[0].set(jnp.where(pole, on_axis, source[0]))
+    return source, dipole.at[0].set(jnp.where(pole, where.radius * where.bend * on_axis, dipole[0]))

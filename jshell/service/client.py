@@ -16,7 +16,7 @@ from urllib.parse import quote
 from jshell import io
 from jshell.calibration import BatchResult, FitResult, Recordings, load
 from jshell.calibration.recordings import stacked
-from jshell.dynamics import Mode
+from jshell.dynamics import Mode, OrderMode
 from jshell.errors import BadValue, JshellError, require_extra
 from jshell.files import NamedBytes
 from jshell.service import batches, chunks, sending
@@ -236,13 +236,16 @@ class Client(Asking):
         words = asked | {"model": "simulator"} | sending.plain(options)
         return self._told_job("POST", "/simulate", json=words).result(seconds)
 
-    def modes(self, conditions: Reduced, *, seconds: float | int = 600.0, **options: Any) -> tuple[Mode, ...]:
+    def modes(
+        self, conditions: Reduced, *, seconds: float | int = 600.0, **options: Any
+    ) -> tuple[Mode, ...] | tuple[OrderMode, ...]:
         """Small vibrations of a shell about its rest shape, found there.
 
         Args:
             conditions: The shell and its load.
             seconds: Longest time to wait.
-            **options: `liquid`, `count`, `elements`, `attached`, as in `jshell.dynamics.modes`.
+            **options: `liquid`, `count`, `elements`, `attached`, `azimuth`, as in `jshell.dynamics.modes`; with
+                `azimuth` the rows are `OrderMode`.
         """
         asked = sending.numbers(conditions)
         return self._told_job("POST", "/modes", json=asked | sending.plain(options)).result(seconds)
@@ -297,7 +300,8 @@ class Client(Asking):
         if kind == "batch":
             return batches.unpack_result(self._send("GET", f"/batches/{id}.npz").content)
         if kind == "modes":
-            return self._told(lambda rows: tuple(Mode(**row) for row in rows), "GET", f"/modes/{id}.json")
+            kind_of = lambda row: OrderMode if "azimuth" in row else Mode  # noqa: E731
+            return self._told(lambda rows: tuple(kind_of(row)(**row) for row in rows), "GET", f"/modes/{id}.json")
         content = self._send("GET", f"/{PLURAL[kind]}/{id}.json").content
         file = NamedBytes("record.json", content)
         return load(file) if kind == "fit" else io.read_trace(file)

@@ -126,7 +126,10 @@ def simulator_specification(asked: SimulateRequest) -> dict[str, Any]:
 def modes_specification(asked: ModesRequest) -> dict[str, Any]:
     """What modes a worker is asked for."""
     options = {name: getattr(asked, name) for name in ModesRequest.model_fields if name not in Conditions.model_fields}
-    return {"conditions": _conditions(asked), **options}
+    orders = options.pop("azimuth")
+    if orders is None:
+        return {"conditions": _conditions(asked), **options, "liquid": asked.liquid or "exact"}
+    return {"conditions": _conditions(asked), **options, "azimuth": sorted(set(orders))}
 
 
 def _conditions(asked: Conditions) -> dict[str, float]:

@@ -9,12 +9,22 @@ import re
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import jax.numpy as jnp
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, StringConstraints, create_model
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    StringConstraints,
+    create_model,
+    model_validator,
+)
 from typing_extensions import TypedDict  # pydantic needs this one below Python 3.12
 
 from jshell.calibration.options import CONDITIONS, CONSTANTS, OPTIONS, choices_of, default_of, words_of
 from jshell.calibration.parameters import Expression
 from jshell.errors import BadValue
+from jshell.membrane.stability import HIGHEST_ORDER
 from jshell.shell.presets import R
 
 Id = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{8,64}$", max_length=64)]
@@ -33,6 +43,7 @@ def _whole(value: Any) -> Any:
 
 
 Whole = Annotated[int, Field(strict=True), BeforeValidator(_whole)]
+Around = Annotated[Whole, Field(ge=0, le=HIGHEST_ORDER)]
 State = Literal["queued", "running", "done", "failed", "cancelled"]
 JobKind = Literal["fit", "batch", "simulate", "modes"]
 
@@ -181,12 +192,28 @@ class SimulateRequest(Conditions):
 class ModesRequest(Conditions):
     """The small vibrations of a shell about its rest shape, as a job."""
 
-    liquid: Literal["exact", "second", "layer", "ideal"] = Field(
-        "exact", description="exact: any viscosity; second, layer: orders of a thin layer; ideal: no viscosity."
+    liquid: Literal["exact", "second", "layer", "ideal"] | None = Field(
+        None,
+        description="exact: any viscosity; second, layer: orders of a thin layer; ideal: no viscosity. Left out it is "
+        "exact, and second for orders above 0 around the axis, where the exact one is not known.",
     )
-    count: Whole = Field(4, ge=1, le=6, description="How many, slowest first.")
+    count: Whole = Field(4, ge=1, le=6, description="How many of each order, slowest first.")
     elements: Whole = Field(32, ge=12, le=64, description="Elements of the meridian.")
     attached: float = Field(0.0, strict=True, ge=0, lt=1.5, description="Half-angle of the pad that holds it; 0: free.")
+    azimuth: list[Around] | None = Field(
+        None, min_length=1, max_length=8, description="Orders m around the axis, as [0, 1, 2, 3]; left out, 0 alone."
+    )
+
+    @model_validator(mode="after")
+    def _known(self) -> "ModesRequest":
+        """What `jshell.dynamics.modes` refuses is refused at once."""
+        if max(self.azimuth or [0]) == 0:
+            return self
+        if self.liquid == "exact":
+            raise ValueError("the exact liquid is known for order 0 only; second is the best for others")
+        if self.count > self.elements // 4:
+            raise ValueError(f"count must be at most a quarter of the elements, {self.elements // 4}")
+        return self
 
 
 class ReadingFields(TypedDict, total=False):
@@ -271,10 +298,22 @@ class ModeOut(BaseModel):
     outcome: str
 
 
-class ModesOut(JobOut):
-    """Modes, once they are found."""
+class OrderModeOut(ModeOut):
+    """One mode of one order around the axis."""
 
-    result: list[ModeOut] | None = None
+    azimuth: int = Field(description="Its order m; 0 keeps the symmetry.")
+    mode: int = Field(description="From 1 within its order.")
+    omega: float | None = Field(description="|s|; null where it is overdamped or grows.")
+    growth: float | None = Field(description="Rate at which it grows, or null.")
+    dH: float | None
+    dW: float | None
+    seen: str = Field(description="What of a recording sees it.")
+
+
+class ModesOut(JobOut):
+    """Modes, once they are found: those that keep the axial symmetry, or rows of several orders."""
+
+    result: list[OrderModeOut] | list[ModeOut] | None = None
 
 
 class TracePage(BaseModel):

@@ -38,7 +38,7 @@ BATCH = ("loss", "channels", "noise", "solver", "equilibrium", "fix", "bounds", 
 SIMULATOR = (
     "duration", "every", "ramp", "elements", "attached", "shell_density", "step", "follow", "tolerance", "netcdf",
 )  # fmt: skip
-MODES = ("liquid", "count", "elements", "attached")
+MODES = ("liquid", "count", "elements", "attached", "azimuth")
 OSCILLATOR = ("duration", "every", "coefficients", "initial", "netcdf")
 Files = Sequence[tuple[str, Content]]
 FRAMES, ANGLES = 160, 61  # of a film, of an outline in it
@@ -207,7 +207,8 @@ def modes(specification: Mapping[str, Any], files: Files = ()) -> dict[str, byte
     """Find the small vibrations of a shell about its rest shape.
 
     Returns:
-        `modes.json`, rows of `jshell.dynamics.Mode`; `modes.csv`, the same.
+        `modes.json`, rows of `jshell.dynamics.Mode`, or of `OrderMode` where orders around the axis are asked for;
+        `modes.csv`, the same.
 
     Raises:
         JshellError: As `jshell.dynamics.modes`.

@@ -189,9 +189,9 @@ def sphere_impedance(n, decay):
     return 4 * np.pi / (2 * n + 1) * np.array(columns).T
 
 
-def sphere_root(n, viscosity):
-    """A root of det(K + s Z) of the closed forms of a stress-free elastic sphere of d̂ = 0.22, followed from ideal."""
-    L, bending = n * (n + 1), 0.22**2 / 9
+def sphere_root(n, viscosity, thickness=0.22):
+    """A root of det(K + s Z) of the closed forms of a stress-free elastic sphere, ν = ½, followed from ideal."""
+    L, bending = n * (n + 1), thickness**2 / 9
     K = np.array([[4 + bending * (L - 2) ** 2, -2 * L], [-2 * L, L**2 + L * (L - 2) / 3]])
     K = K * 4 * np.pi / (2 * n + 1)
 
@@ -212,11 +212,11 @@ def sphere_root(n, viscosity):
     return s
 
 
-def check_sphere(orders, elements, viscosity, make_problem):
-    found = modes(make_problem(0.22, 1e-9, 1e-9, viscosity), branch="sphere", elements=elements)
+def check_sphere(orders, elements, viscosity, make_problem, thickness=0.22):
+    found = modes(make_problem(thickness, 1e-9, 1e-9, viscosity), branch="sphere", elements=elements)
     rates = np.asarray(found.rate)
     for n in orders:
-        wanted = sphere_root(n, viscosity)
+        wanted = sphere_root(n, viscosity, thickness)
         k = int(np.argmin(np.abs(rates - wanted)))
         # asked
         assert abs(rates[k] - wanted) < 1e-6 * abs(wanted)
@@ -238,6 +238,24 @@ def test_modes_of_the_sphere_in_the_exact_liquid(viscosity, make_problem):
 @pytest.mark.parametrize("viscosity", [0.004, 0.05, 0.5])
 def test_higher_modes_of_the_sphere_in_the_exact_liquid(viscosity, make_problem):
     check_sphere((2, 3, 4, 5), 48, viscosity, make_problem)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("thickness", "viscosity", "orders"), [(0.1, 0.013, (2, 3)), (0.3, 0.13, (2,))])
+def test_modes_of_other_spheres_in_the_exact_liquid(thickness, viscosity, orders, make_problem):
+    check_sphere(orders, ELEMENTS, viscosity, make_problem, thickness)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("thickness", "outer_pressure", "viscosity"), [(0.22, 1.6, 0.03), (0.1, 1.2, 0.004), (0.3, 1.9, 0.05)]
+)
+def test_exact_modes_of_other_dimples_are_those_of_another_mesh(thickness, outer_pressure, viscosity, make_problem):
+    c = make_problem(thickness, 0.9, outer_pressure, viscosity)
+    coarse, fine = modes(c, elements=ELEMENTS, throw=True), modes(c, elements=32, throw=True)
+    # asked of the reference's rows
+    np.testing.assert_allclose(coarse.omega[:3], fine.omega[:3], rtol=2e-4)
+    np.testing.assert_allclose(coarse.tau[:3], fine.tau[:3], rtol=5e-4)
 
 
 @pytest.mark.slow

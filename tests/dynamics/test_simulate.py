@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from jshell.dynamics import LONGEST_STEP, simulate
+from jshell.dynamics import LONGEST_STEP, Losses, simulate
 from jshell.errors import BadShape, BadValue, NotOk, Outcome
-from jshell.membrane import rest
+from jshell.membrane import WallLoss, rest
 from jshell.shell import SPHERE_AREA, SPHERE_VOLUME
 from jshell.signals import extract
 
@@ -189,6 +189,17 @@ def test_the_energy_balance_closes_through_the_snap(snap):
     # a second-order step: 1e-4 is seen
     assert np.abs(energy - energy[0]).max() < 1e-3 * released
     assert np.all(np.diff(np.asarray(snap["loss_layer"])) >= 0)
+
+
+@pytest.mark.slow
+def test_the_energy_balance_closes_through_the_snap_with_a_wall_that_loses(make_problem):
+    losses = Losses(wall=WallLoss(dilatation=0.01, retardation=0.01))
+    trace = simulate(make_problem(0.22, 0.9, 1.62, 0.004), duration=40.0, elements=24, losses=losses)
+    energy = total_energy(trace)
+    potential = np.asarray(trace["elastic"] + trace["gas"] - trace["work"])
+    released = potential.max() - potential[-1]
+    assert float(trace["V"].min()) < 0.72 * float(trace["V"][0])
+    assert np.abs(energy - energy[0]).max() < 1e-3 * released
 
 
 def test_settings_say_how_the_run_was_made_and_what_happened(snap):

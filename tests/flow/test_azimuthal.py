@@ -7,13 +7,15 @@ import numpy as np
 import pytest
 from scipy.special import factorial, lpmv
 
-from jshell.contour import azimuthal, meridian
-from jshell.flow import flow, slip_matrix
+from jshell import membrane
+from jshell.contour import WeakSpot, azimuthal, meridian
+from jshell.flow import flow, impedance, slip_matrix, viscous_liquid
 from jshell.flow.azimuthal import order_flow, order_layers
 from jshell.flow.azimuthal_layer import order_second, order_slip, order_wall
 from jshell.flow.second_order import second_order
 from jshell.flow.toroidal import toroidal
-from jshell.membrane.azimuthal import nearest_motion, null_motions
+from jshell.membrane.azimuthal import nearest_motion, null_motions, point_hessians, stiffness_of_order
+from jshell.membrane.energy import stiffness_at, wall
 
 ELEMENTS = 24
 MOST = 4  # orders as many as where frequencies are looked at: one compiled program
@@ -52,6 +54,42 @@ def _matrices(shape, splines, parts, m):
 def sphere():
     shape = meridian(ELEMENTS)
     return shape, {m: _liquid(shape, shape.sphere, jnp.asarray(m)) for m in (1, 2)}
+
+
+@eqx.filter_jit
+def _order_zero(state, splines, none):
+    """Stiffness and added mass of order 0 by the splines of every order, and by those of axisymmetric motions."""
+    shape, q = state.meridian, state.coordinates
+    moduli = wall(shape, state.conditions, state.profile)
+    hessians = point_hessians(shape, q, moduli, state.difference, state.energy)
+    mass = order_flow(shape, splines, order_layers(shape, q, MOST), none).mass
+    usual = stiffness_at(shape, q, moduli, state.difference, state.energy), flow(shape, q).mass
+    return (stiffness_of_order(splines, hessians, none), mass), usual
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("attached", [0.0, 0.3272])
+def test_order_zero_has_the_stiffness_and_the_added_mass_of_axisymmetric_motions(attached, R):
+    """Of a dimple with a weak spot, free and held: the two sets of splines span the same motions."""
+    state = membrane.rest(R, elements=ELEMENTS, attached=attached, weak_spot=WeakSpot())
+    shape, splines = state.meridian, azimuthal(state.meridian)
+    found, expected = _order_zero(state, splines, jnp.asarray(0))
+    along, across, _ = splines.motion(0)
+    turns = []
+    for family, basis in ((along, shape.x_basis), (across, shape.r_basis)):
+        values, wanted = (np.asarray(part).reshape(3 * shape.angles.size, -1) for part in (family.values, basis))
+        turn = np.linalg.lstsq(values, wanted, rcond=1e-14)[0]
+        np.testing.assert_allclose(values @ turn, wanted, atol=1e-12 * np.abs(wanted).max())
+        turns.append(turn)
+    X, r = turns
+    no = np.zeros_like(X[:, :1])
+    # c = 0: b + c and b - c are both the radial displacement
+    ways = np.block([[X, no * r[:1]], [no * X[:1], r], [no * X[:1], r]])
+    held = ~np.asarray(splines.moving(0))
+    np.testing.assert_allclose(ways[held][:, np.asarray(shape.active)], 0, atol=1e-12)
+    for mine, usual in zip(found, expected, strict=True):
+        # rounding: 3e-15 of the stiffness and 3e-14 of the mass are seen
+        np.testing.assert_allclose(ways.T @ mine @ ways, usual, rtol=0, atol=1e-12 * float(jnp.abs(usual).max()))
 
 
 def lamb(aspect):
@@ -157,6 +195,18 @@ def test_the_drag_of_a_sphere_is_the_closed_form():
         assert drag(1.0, 5.0, order) == pytest.approx(6 * np.pi * (1 + 5 + 25 / 9), rel=1e-10)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("aspect", [1.2, 0.8])
+@pytest.mark.parametrize("decay", [0.5, 3.0, 4 * np.exp(0.27j * np.pi)])
+def test_the_exact_liquid_takes_of_a_spheroid_moving_along_its_axis_what_other_waves_say(aspect, decay):
+    shape = meridian(48)
+    x, r = shape.split(shape.sphere)
+    Z = impedance(viscous_liquid(shape, jnp.concatenate([aspect * x, r])), jnp.asarray(decay + 0j))
+    # asked: 2e-4
+    assert complex(shape.shift @ Z @ shape.shift) == pytest.approx(drag(aspect, decay, 0), rel=1e-6)
+
+
+@pytest.mark.long
 @pytest.mark.parametrize("aspect", [1.2, pytest.param(0.8, marks=pytest.mark.slow)])
 def test_a_spheroid_moving_sideways_loses_what_a_viscous_liquid_takes(aspect, sphere):
     shape, _ = sphere

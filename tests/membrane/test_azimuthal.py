@@ -190,6 +190,7 @@ def test_the_sign_is_right_from_any_number_of_elements(thickness, sign, elements
     assert found.eigenvalue == pytest.approx(float(many.eigenvalue), rel=0.01)
 
 
+@pytest.mark.long
 def test_a_basis_has_the_derivative_of_its_span():
     """Of no motions too: orders above 1 have none that cost nothing."""
     rng = np.random.default_rng(0)

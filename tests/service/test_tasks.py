@@ -82,7 +82,21 @@ def test_modes_are_the_librarys_own():
     assert rows[0]["tau"] is None  # without loss
     assert answer.files["modes.csv"].decode().splitlines()[0] == "mode,omega,Omega,tau,dV,dS,outcome"
     assert "liquid" in str(tasks.run("modes", asked | {"liquid": "water"}).error)
+    assert "azimuth" in str(tasks.run("modes", asked | {"azimuth": [41]}).error)
     assert "option 'ramp'" in str(tasks.run("modes", asked | {"ramp": 3}).error)
+
+
+@pytest.mark.long
+def test_modes_of_several_orders_are_the_librarys_own():
+    R = {"d_hat": 0.22, "P0_hat": 0.9, "Pext_hat": 1.6, "eta_hat": 0.0}
+    asked = {"conditions": R, "elements": 24, "liquid": "ideal", "azimuth": [0, 1, 2, 3, 4]}
+    answer = tasks.run("modes", asked)
+    assert answer.error is None
+    rows = json.loads(answer.files["modes.json"])
+    found = dynamics.modes(jshell.Reduced(*R.values()), azimuth=range(5), elements=24, liquid="ideal")
+    assert tuple(dynamics.OrderMode(**row) for row in rows) == found.table()
+    assert [row["azimuth"] for row in rows[:4]] == [0, 2, 1, 0]  # two between the frequencies of m = 0
+    assert answer.files["modes.csv"].decode().startswith("azimuth,mode,omega,Omega,tau,growth,")
 
 
 def test_a_fault_of_our_own_is_no_error_of_the_user():

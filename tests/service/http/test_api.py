@@ -341,7 +341,16 @@ def test_modes_are_a_job(http):
     assert found["result"] is None
     assert "waiting" in http.get(f"/modes/{found['id']}").text.lower()
     assert http.post("/api/v1/modes", json=asked).json()["id"] == found["id"]
+    assert found["specification"].keys().isdisjoint({"azimuth"})
+    around = asked | {"azimuth": [2, 0, 2], "liquid": None}
+    sent = http.post("/api/v1/modes", json=around)
+    found = http.get(sent.headers["location"]).json()
+    assert found["specification"] | {"azimuth": [0, 2], "liquid": None} == found["specification"]
+    assert "second for m" in http.get(f"/modes/{found['id']}").text
     refused(http.post("/api/v1/modes", json={"liquid": "water"}), 422, "bad_value")
+    for wrong in ({"azimuth": [41]}, {"azimuth": [0.5]}, {"azimuth": []}, {"azimuth": [1], "liquid": "exact"},
+                  {"azimuth": [1], "count": 6, "elements": 12}):  # fmt: skip
+        refused(http.post("/api/v1/modes", json=wrong), 422, "bad_value")
     refused(http.get(f"{sent.headers['location']}.csv"), 409, "not_ready")
 
 
