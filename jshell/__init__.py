@@ -4,11 +4,11 @@ Rooms and names are loaded when they are first used, so that a terminal's help
 and a script that reads one file need not wait for JAX.
 """
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from jshell import emitters, precision, programs, threads
 from jshell.errors import JshellError, NotOk, Outcome, RangeWarning
+from jshell.lazy import lazy
 
 threads.ask_for_one()
 precision.ask_for_double()
@@ -47,9 +47,6 @@ if TYPE_CHECKING:
     from jshell.signals import extract
     from jshell.trace import Trace
 
-if TYPE_CHECKING:
-    from jshell.service.client import Client
-
 __version__ = "0.2.0"
 __all__ = [
     "Client", "Coefficients", "FitResult", "Gas", "JshellError", "Liquid", "Load", "NotOk", "Outcome", "RangeWarning",
@@ -62,25 +59,10 @@ _ROOMS = (
     "calibration", "camera", "campaigns", "comparators", "contour", "dynamics", "engines", "export", "flow",
     "inversion", "io", "membrane", "memory", "oscillator", "plot", "quantities", "sensitivity", "shell", "signals",
 )  # fmt: skip
-_FROM = {
+_HOMES = {
     "Client": "service.client", "Coefficients": "oscillator", "FitResult": "calibration", "Gas": "shell",
     "Liquid": "shell", "Load": "shell", "Reduced": "shell", "Scales": "shell", "Shell": "shell", "Trace": "trace",
-    "extract": "signals", "fit": "calibration", "invert": "inversion", "load": "calibration", "modes": "dynamics",
-    "presets": "shell", "simulate": "dynamics",
+    "extract": "signals", "fit": "calibration:fit_trajectories", "invert": "inversion", "load": "calibration",
+    "modes": "dynamics", "presets": "shell", "simulate": "dynamics",
 }  # fmt: skip
-_CALLED = {"fit": "fit_trajectories"}  # where a room has another name for it
-
-
-def __getattr__(name: str) -> Any:
-    """A room, or a name out of a room, loaded now."""
-    if name in _ROOMS:
-        return importlib.import_module(f"jshell.{name}")
-    if name in _FROM:
-        found = getattr(importlib.import_module(f"jshell.{_FROM[name]}"), _CALLED.get(name, name))
-        globals()[name] = found
-        return found
-    raise AttributeError(f"module 'jshell' has no attribute {name!r}")
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__, *_ROOMS})
+__getattr__, __dir__ = lazy(__name__, dict.fromkeys(_ROOMS, "") | _HOMES)

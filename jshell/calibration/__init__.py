@@ -2,24 +2,28 @@
 
 # pyright: reportUnsupportedDunderAll=false
 
-from jshell.calibration import least_squares, losses, master_curve, trajectories, uncertainty
-from jshell.calibration.batch import fit_batch
-from jshell.calibration.batch_result import BatchResult
-from jshell.calibration.bootstrap import Bootstrap, bootstrap_frequencies
-from jshell.calibration.compare import Comparison, compare
-from jshell.calibration.estimate import Estimate, Start
-from jshell.calibration.inverse import fit_conditions
-from jshell.calibration.loaded import load
-from jshell.calibration.losses import trace_loss
-from jshell.calibration.master_curve import fit_frequencies
-from jshell.calibration.nonlinear import NonlinearFits, fit_nonlinear
-from jshell.calibration.options import FitOptions
-from jshell.calibration.parameters import Prior
-from jshell.calibration.recordings import Recordings
-from jshell.calibration.refits import Refits
-from jshell.calibration.report import FitResult, FitWarning
-from jshell.calibration.trajectories import fit_trajectories, prepare
+from typing import TYPE_CHECKING
+
+from jshell.lazy import lazy
 from jshell.renamed import renamed
+
+if TYPE_CHECKING:
+    from jshell.calibration import least_squares, losses, master_curve, trajectories, uncertainty
+    from jshell.calibration.batch import fit_batch
+    from jshell.calibration.batch_result import BatchResult
+    from jshell.calibration.bootstrap import Bootstrap, bootstrap_frequencies
+    from jshell.calibration.comparison import Comparison, compare
+    from jshell.calibration.estimate import Estimate, Start
+    from jshell.calibration.inverse import fit_conditions
+    from jshell.calibration.loaded import load
+    from jshell.calibration.losses import trace_loss
+    from jshell.calibration.master_curve import fit_frequencies
+    from jshell.calibration.nonlinear import NonlinearFits, fit_nonlinear
+    from jshell.calibration.options import FitOptions, Prior
+    from jshell.calibration.recordings import Recordings
+    from jshell.calibration.refits import Refits
+    from jshell.calibration.report import FitResult, FitWarning
+    from jshell.calibration.trajectories import fit_trajectories, prepare
 
 __all__ = [
     "BatchResult", "Bootstrap", "Comparison", "Estimate", "FitOptions", "FitResult", "FitWarning", "NonlinearFits",
@@ -27,4 +31,13 @@ __all__ = [
     "fit_conditions", "fit_frequencies", "fit_nonlinear", "fit_trajectories", "least_squares", "load", "losses",
     "master_curve", "prepare", "trace_loss", "trajectories", "uncertainty",
 ]  # fmt: skip
-__getattr__ = renamed(__name__, {"campaign": "jshell.paper:joint_fits"})
+_HOMES = {
+    "BatchResult": "batch_result", "Bootstrap": "bootstrap", "Comparison": "comparison", "Estimate": "estimate",
+    "FitOptions": "options", "FitResult": "report", "FitWarning": "report", "NonlinearFits": "nonlinear",
+    "Prior": "options", "Recordings": "recordings", "Refits": "refits", "Start": "estimate",
+    "bootstrap_frequencies": "bootstrap", "compare": "comparison", "fit_batch": "batch", "fit_conditions": "inverse",
+    "fit_frequencies": "master_curve", "fit_nonlinear": "nonlinear", "fit_trajectories": "trajectories",
+    "least_squares": "", "load": "loaded", "losses": "", "master_curve": "", "prepare": "trajectories",
+    "trace_loss": "losses", "trajectories": "", "uncertainty": "",
+}  # fmt: skip
+__getattr__, __dir__ = lazy(__name__, _HOMES, renamed(__name__, {"campaign": "jshell.paper:joint_fits"}))

@@ -9,7 +9,7 @@ frequencies and a decay tell about conditions instead. The short model describes
 import warnings
 from collections.abc import Mapping, Sequence
 
-from jshell.calibration.parameters import Prior
+from jshell.calibration.options import Prior
 from jshell.calibration.report import FitResult
 from jshell.calibration.trajectories import fit_trajectories
 from jshell.errors import BadValue

@@ -22,8 +22,8 @@ from jaxtyping import Array, Float
 
 from jshell.calibration.losses import MODAL_NAMES, STRICT_NAMES, Problem, bases, linear_residual, targets
 from jshell.calibration.noise import whiten
-from jshell.calibration.options import CONDITIONS
-from jshell.calibration.parameters import Prior, Tie, Unknowns, check_parameters, unknowns
+from jshell.calibration.options import CONDITIONS, Prior, Tie
+from jshell.calibration.parameters import Unknowns, check_parameters, unknowns
 from jshell.calibration.records import Record
 from jshell.errors import BadName, BadValue
 from jshell.shell.parameters import Reduced

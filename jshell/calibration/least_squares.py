@@ -48,7 +48,7 @@ def value_and_jacobian(function: Callable, at: Float[Array, " free"]) -> tuple[A
 
 def levenberg_marquardt(
     residual: Callable[[jax.Array], jax.Array],
-    start: Float[Array, " free"],
+    start: Float[Array, "*starts free"],
     low: Float[Array, " free"],
     high: Float[Array, " free"],
     *,
@@ -59,14 +59,14 @@ def levenberg_marquardt(
     bend: bool = False,
     condensed: bool = False,
 ) -> SolverResult:
-    """Minimise the sum of squared residuals from one start.
+    """Minimise the sum of squared residuals from one start, or from several at once.
 
     Whether it has converged is asked of the undamped step, never of the one
     taken: short steps under heavy damping are no minimum.
 
     Args:
         residual: Function of the unknowns.
-        start: Where to begin, inside the bounds.
+        start: Where to begin, inside the bounds; one row per start where there are several.
         low: Lower bounds, -inf where there is none.
         high: Upper bounds, inf where there is none.
         max_steps: Most steps tried.
@@ -80,7 +80,7 @@ def levenberg_marquardt(
     Returns:
         Outcome ok, at_bound, not_converged (out of steps), stalled (no step helps) or not_finite (at the start).
     """
-    free = start.size
+    free = start.shape[-1]
 
     def evaluate(u: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
         """Cost, and J = QR as R and Qᵀr: orthogonal steps keep the digits that JᵀJ loses."""
@@ -156,16 +156,31 @@ def levenberg_marquardt(
         *_, count, status, _ = state
         return (status == RUNNING) & (count < max_steps)
 
-    # the residual stands once in the program: the start is the first trial, and is always taken
-    zero, inf, square = jnp.asarray(0), jnp.asarray(jnp.inf), jnp.zeros((free, free))
-    trial = (start, -inf, jnp.asarray(True), zero + RUNNING)
-    begun = (start, inf, square, jnp.zeros(free), jnp.zeros(free), jnp.asarray(damping, float), jnp.asarray(2.0))
-    u, cost, *_, count, status, _ = jax.lax.while_loop(running, step, (*begun, zero - 1, zero + RUNNING, trial))
+    def begin(start):
+        """The residual stands once in the program: the start is the first trial, and is always taken."""
+        zero, inf, square = jnp.asarray(0), jnp.asarray(jnp.inf), jnp.zeros((free, free))
+        trial = (start, -inf, jnp.asarray(True), zero + RUNNING)
+        begun = (start, inf, square, jnp.zeros(free), jnp.zeros(free), jnp.asarray(damping, float), jnp.asarray(2.0))
+        return (*begun, zero - 1, zero + RUNNING, trial)
 
-    status = jnp.where(status == RUNNING, int(Outcome.NOT_CONVERGED), status)
-    on_bound = jnp.any(((u <= low) | (u >= high)) & (low < high))
-    status = jnp.where((status == int(Outcome.OK)) & on_bound, int(Outcome.AT_BOUND), status)
-    return SolverResult(u, cost, status, count)
+    def end(state) -> SolverResult:
+        u, cost, *_, count, status, _ = state
+        status = jnp.where(status == RUNNING, int(Outcome.NOT_CONVERGED), status)
+        on_bound = jnp.any(((u <= low) | (u >= high)) & (low < high))
+        status = jnp.where((status == int(Outcome.OK)) & on_bound, int(Outcome.AT_BOUND), status)
+        return SolverResult(u, cost, status, count)
+
+    if start.ndim == 1:
+        return end(jax.lax.while_loop(running, step, begin(start)))
+
+    # `vmap` of the loop would trace its body four times, to find which parts of the state differ from start to start
+    def all_step(states):
+        on = jax.vmap(running)(states)
+        keep = lambda new, old: jnp.where(on.reshape(on.shape + (1,) * (new.ndim - 1)), new, old)  # noqa: E731
+        return jax.tree.map(keep, jax.vmap(step)(states), states)
+
+    states = jax.lax.while_loop(lambda states: jnp.any(jax.vmap(running)(states)), all_step, jax.vmap(begin)(start))
+    return jax.vmap(end)(states)
 
 
 @eqx.filter_jit
@@ -198,7 +213,7 @@ def from_many_starts(
         lambda u: residual(u, args), start, low, high, max_steps=max_steps, damping=damping, bend=bend,
         condensed=condensed,
     )  # fmt: skip
-    return jax.lax.map(solve, starts) if condensed else jax.vmap(solve)(starts)
+    return jax.lax.map(solve, starts) if condensed else solve(starts)
 
 
 def best_of(ending: SolverResult, size: float) -> tuple[int, np.ndarray]:

@@ -1,12 +1,10 @@
 """Options as text: what a terminal's line and a form's field say, read into the values of `FitOptions`."""
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
-from jshell.calibration.options import CONSTANTS
-from jshell.calibration.parameters import Prior
+from jshell.calibration.options import CONSTANTS, Prior
 from jshell.errors import BadName, BadValue
 
 FORMS = {  # of one text
@@ -67,7 +65,7 @@ def read_span(text: str, place: str) -> tuple[float, float]:
     """
     low, colon, high = text.partition(":")
     try:
-        found = (float(low) if low.strip() else -np.inf, float(high) if high.strip() else np.inf)
+        found = (float(low) if low.strip() else -math.inf, float(high) if high.strip() else math.inf)
     except ValueError:
         found = None
     if found is None or not colon:
@@ -108,6 +106,6 @@ def _relative(text: str, place: str) -> tuple[str, float | None]:
 def _prior(text: str, place: str) -> tuple[str, Prior]:
     name, value = _named(text, place)
     mean, sigma = read_span(value, place)
-    if not (np.isfinite(mean) and np.isfinite(sigma)):
+    if not (math.isfinite(mean) and math.isfinite(sigma)):
         raise BadValue(place, found=repr(text), expected="NAME=MEAN:ERROR", remedy=f"Write {place} alpha2=0.85:0.05")
     return name, Prior(mean, sigma)

@@ -5,19 +5,34 @@ and the page's form all say and refuse what stands here.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
-from jshell.calibration.parameters import Prior, Tie
 from jshell.errors import BadName, BadValue
-from jshell.io.records import number
 
 CONSTANTS = ("alpha1", "alpha2", "k_vs", "beta1", "beta2", "tau")
 CONDITIONS = ("thickness", "youngs_modulus", "gas_pressure", "outer_pressure", "viscosity")
 
-
 Number = float | int
+Tie = Callable[[Mapping[str, Any]], Any]  # a parameter from the others, by name
+
+
+@dataclass(frozen=True)
+class Prior:
+    """What is known of a parameter before the data: a mean and a standard error, both in its own unit."""
+
+    mean: Number
+    sigma: Number
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.mean) and math.isfinite(self.sigma) and self.sigma > 0):
+            raise BadValue(
+                "prior",
+                found=f"mean {self.mean:g}, sigma {self.sigma:g}",
+                expected="finite numbers, sigma above 0",
+                remedy="Fix the parameter if it is known exactly.",
+            )
 
 
 def choice(default: Any, words: str, choices: Mapping[Any, str] | None = None, *, make: Any = None) -> Any:
@@ -156,6 +171,8 @@ class FitOptions:
         Raises:
             BadName: No such option, or no such choice.
         """
+        from jshell.io.records import number  # with JAX, which the terminal's help does not wait for
+
         check_names(found, tuple(one.name for one in fields(FitOptions)))
         given = {name: value for name, value in found.items() if value is not None}
         if "bounds" in given:

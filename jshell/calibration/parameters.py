@@ -10,7 +10,7 @@ Symbols    u what the solver sees   values what the model sees   reported the pa
 
 import ast
 import operator
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,9 +20,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jshell.calibration.options import Tie
 from jshell.errors import BadName, BadValue
-
-Tie = Callable[[Mapping[str, jax.Array]], jax.Array]
 
 _OPERATIONS = {
     ast.Add: operator.add,
@@ -32,23 +31,6 @@ _OPERATIONS = {
     ast.Pow: operator.pow,
 }
 _FUNCTIONS = {"sqrt": jnp.sqrt, "exp": jnp.exp, "log": jnp.log}
-
-
-@dataclass(frozen=True)
-class Prior:
-    """What is known of a parameter before the data: a mean and a standard error, both in its own unit."""
-
-    mean: float | int
-    sigma: float | int
-
-    def __post_init__(self) -> None:
-        if not (np.isfinite(self.mean) and np.isfinite(self.sigma) and self.sigma > 0):
-            raise BadValue(
-                "prior",
-                found=f"mean {self.mean:g}, sigma {self.sigma:g}",
-                expected="finite numbers, sigma above 0",
-                remedy="Fix the parameter if it is known exactly.",
-            )
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,7 @@ from jshell.calibration.data import chosen_channels, windowed
 from jshell.calibration.diagnostics import trace_result
 from jshell.calibration.long_records import minimise
 from jshell.calibration.losses import Problem
-from jshell.calibration.options import OPTIONS, FitOptions, tie_in_words
-from jshell.calibration.parameters import Prior, Tie
+from jshell.calibration.options import OPTIONS, FitOptions, Prior, Tie, tie_in_words
 from jshell.calibration.problem import prepared, problem_of
 from jshell.calibration.report import FitResult, FitWarning
 from jshell.calibration.robust import reweigh

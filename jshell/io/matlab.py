@@ -17,7 +17,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import scipy.io
 
 from jshell.errors import BadFile
 from jshell.files import NamedBytes
@@ -90,8 +89,10 @@ def encode(sheet: Sheet) -> bytes:
     if any(unit is not None for unit in sheet.units):
         variables[UNITS] = "\n".join(f"{name}: {unit}" for name, unit in zip(sheet.names, sheet.units, strict=True))
     variables |= dict(zip(sheet.names, sheet.columns, strict=True))
+    from scipy.io import savemat  # here: it is slow to load, and few need it
+
     made = streams.BytesIO()
-    scipy.io.savemat(made, variables, oned_as="column")
+    savemat(made, variables, oned_as="column")
     return made.getvalue()
 
 

@@ -136,7 +136,8 @@ def _united(sheet: Sheet, reading: Reading) -> Sheet:
         units[k] = None if unit == PURE else unit
     for k, name in enumerate(names):
         key, mark, unit = name.rpartition("_")
-        found = known_factor(unit) if mark and units[k] is None and key in QUANTITIES and len(unit) < 8 else None
+        carries = mark and units[k] is None and key in QUANTITIES and len(unit) < 8 and name not in QUANTITIES
+        found = known_factor(unit) if carries else None
         if found is not None and found[0] == dimension_of(key) and key not in names:
             names[k], units[k] = key, unit
             said.append(f"column `{name}` taken for `{key}` in {unit}, by its name")

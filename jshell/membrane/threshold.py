@@ -8,10 +8,11 @@ Valid for  perfect, free shells; a weak spot or a pad lowers the eigenvalue
 Source     Zoelly 1915 and Koiter 1969 for the thin limit, where the ratio to ΔP_b is 1
 """
 
+import importlib
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import optimistix as optx
 from jaxtyping import Array, Float, Int
 
 from jshell.contour import Meridian
@@ -92,6 +93,7 @@ def _first_zero(shape: Meridian, conditions: Reduced, area: str) -> Threshold:
 
     compression = classical * (1 - conditions.poisson_ratio) / 2
     low = jnp.maximum(1 - FURTHEST * compression, 0.5)
+    optx = importlib.import_module("optimistix")  # here: it is slow to load, and few need it
     solver = optx.Bisection(rtol=CLOSENESS, atol=CLOSENESS)
     limits = {"lower": low, "upper": jnp.asarray(1.0)}
     found = optx.root_find(lowest, solver, (low + 1) / 2, None, options=limits, throw=False, max_steps=64)

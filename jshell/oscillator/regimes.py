@@ -19,7 +19,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optimistix as optx
 from jax.core import Tracer
 
 from jshell import integrator
@@ -32,6 +31,7 @@ from jshell.oscillator.motion import Driven
 from jshell.oscillator.simulate import is_buckled
 from jshell.oscillator.unbuckling import borne, unbuckling_volume
 from jshell.pressure import Pressure
+from jshell.scalar_root import root_of
 from jshell.shell.breathing import radial_acceleration
 from jshell.shell.elasticity import SPHERE_AREA, SPHERE_VOLUME, moduli
 from jshell.shell.parameters import Number, Reduced
@@ -194,8 +194,7 @@ def _first_state(driven: Driven, regime: int, outer: Number) -> tuple[jax.Array,
         stretched = -A_VS / modulus * SPHERE_AREA * (V - V_e)
         return P_e * (V_e / V) ** c.kappa + (c.outer_pressure - P_e) - A_VS * stretched - outer
 
-    found = optx.root_find(imbalance, optx.Newton(1e-13, 1e-13), V_e, None, throw=False, max_steps=64)
-    V = jnp.where(found.result == optx.RESULTS.successful, found.value, jnp.nan)
+    V = root_of(imbalance, V_e)
     start = driven.begin((V - V_e, -A_VS / modulus * SPHERE_AREA * (V - V_e), 0.0, 0.0))
     return tuple(jax.tree.leaves(start))
 

@@ -15,10 +15,10 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-import optimistix as optx
 from jaxtyping import Array, Float
 
 from jshell.oscillator.coefficients import Coefficients
+from jshell.scalar_root import root_of
 from jshell.shell.elasticity import SPHERE_AREA, SPHERE_VOLUME, moduli
 from jshell.shell.parameters import Reduced
 from jshell.shell.rest import RestState
@@ -50,5 +50,4 @@ def unbuckling_volume(conditions: Reduced, coefficients: Coefficients, state: Re
 def _meeting(plateau: Any, slope: Any, V_e: Any, thickness: Any, ratio: Any) -> jax.Array:
     like = Reduced(thickness, 1.0, 1.0, poisson_ratio=ratio)
     excess = lambda R, _: wall_pressure(R, like) - plateau - slope * (SPHERE_VOLUME * R**3 - V_e)  # noqa: E731
-    found = optx.root_find(excess, optx.Newton(1e-13, 1e-13), jnp.asarray(1.0), None, throw=False, max_steps=64)
-    return SPHERE_VOLUME * jnp.where(found.result == optx.RESULTS.successful, found.value, jnp.nan) ** 3
+    return SPHERE_VOLUME * root_of(excess, jnp.asarray(1.0)) ** 3

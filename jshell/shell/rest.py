@@ -15,11 +15,11 @@ from typing import Literal, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optimistix as optx
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from jshell.errors import RangeWarning, choose
+from jshell.scalar_root import root_of
 from jshell.shell.elasticity import SPHERE_VOLUME, Scalar, moduli
 from jshell.shell.parameters import Reduced
 
@@ -118,8 +118,7 @@ def _sphere_state(conditions: Reduced) -> RestState:
         area_slope = 4 * (1 - radius) * (K.area * radius * (2 * radius - 1) + K.bending) / radius**2
         return P + area_slope - conditions.outer_pressure
 
-    solver = optx.Newton(rtol=1e-13, atol=1e-13)
-    solution = optx.root_find(imbalance, solver, jnp.asarray(1.0), conditions, throw=False, max_steps=64)
-    R = jnp.where((solution.result == optx.RESULTS.successful) & (solution.value > 0), solution.value, jnp.nan)
+    R = root_of(imbalance, jnp.asarray(1.0), conditions)
+    R = jnp.where(R > 0, R, jnp.nan)
     V = SPHERE_VOLUME * R**3
     return RestState(V, gas_pressure(V, conditions))

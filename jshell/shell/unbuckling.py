@@ -12,9 +12,9 @@ Source     Mokbel et al. 2021: eq:equiplateau, eq:NRJsph; the criterion is this 
 
 import jax
 import jax.numpy as jnp
-import optimistix as optx
 from jaxtyping import Array, Float
 
+from jshell.scalar_root import root_of
 from jshell.shell.elasticity import SPHERE_VOLUME, Scalar, buckling_threshold, moduli
 from jshell.shell.parameters import Reduced
 from jshell.shell.rest import gas_pressure, plateau_pressure
@@ -37,9 +37,7 @@ def radius_bearing(pressure: Scalar, conditions: Reduced) -> Float[Array, "..."]
 def _radius_bearing(pressure: jax.Array, thickness: jax.Array, ratio: jax.Array) -> jax.Array:
     like = Reduced(thickness, 1.0, 1.0, poisson_ratio=ratio)
     excess = lambda R, args: wall_pressure(R, like) - pressure  # noqa: E731
-    solver = optx.Newton(rtol=1e-13, atol=1e-13)
-    found = optx.root_find(excess, solver, jnp.asarray(1.0), None, throw=False, max_steps=64)
-    return jnp.where(found.result == optx.RESULTS.successful, found.value, jnp.nan)
+    return root_of(excess, jnp.asarray(1.0))
 
 
 def unbuckling_volume(conditions: Reduced) -> Float[Array, "..."]:
