@@ -10,7 +10,7 @@ from pathlib import Path
 import httpx
 import numpy as np
 import pytest
-from playwright.sync_api import expect, sync_playwright
+from playwright.sync_api import expect
 
 import jshell
 from jshell.calibration import BatchResult, Recordings, fit_batch
@@ -21,14 +21,6 @@ from .conftest import RECORDING
 
 PATIENT = 120_000  # [ms] for a first fit, which compiles
 BROKEN = b"t,V\n0,3.0\n1,nan\n2,3.1\n"
-
-
-@pytest.fixture(scope="module")
-def browser(chromium: str) -> Iterator:
-    with sync_playwright() as play:
-        opened = play.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
-        yield opened
-        opened.close()
 
 
 @pytest.fixture
