@@ -92,6 +92,28 @@ def test_upload_fit_picture_numbers_download(page, served, fitted, tmp_path):
     assert f"alpha1,{record['alpha1'].value!r}" in (tmp_path / "table.csv").read_text()
 
 
+def test_a_drag_across_a_curve_chooses_the_window(page, fitted):
+    page.goto(f"/fits/new?trace={fitted['traces'][0]}")
+    over = page.locator("figure[data-drawn] .u-over").first
+    box = over.bounding_box()
+    at = lambda part: (box["x"] + part * box["width"], box["y"] + 60)  # noqa: E731
+    page.mouse.move(*at(0.5))
+    page.mouse.down()
+    page.mouse.move(*at(0.9), steps=4)
+    page.mouse.up()
+    start, stop = (page.locator(f"#fit input[name={name}]") for name in ("start", "stop"))
+    assert float(start.input_value()) == pytest.approx(108, abs=2)  # of 216 ms
+    assert float(stop.input_value()) == pytest.approx(194, abs=2)
+    page.wait_for_timeout(300)
+    over.dblclick()
+    assert start.input_value() == stop.input_value() == ""
+    # and the page of the fit says what it read
+    page.goto(f"/fits/{fitted['id']}")
+    read = page.locator("section:has(#read)").inner_text()
+    assert "85 to 216 ms" in read
+    assert "H, W" in read
+
+
 def test_the_python_shown_asks_for_the_same_fit(page, fitted, monkeypatch):
     page.goto(f"/fits/{fitted['id']}")
     program = page.locator("#python").inner_text()
