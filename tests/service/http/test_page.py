@@ -240,6 +240,7 @@ def test_the_client_gives_the_librarys_own_objects(served, fitted):
             r["value"] for r in fitted["result"]["estimates"] if r["name"] == "alpha1"
         )
         assert "alpha1" in result.report()
+        assert "f_minus = 26.598 ± 0.072 Hz" in result.report()  # the recording is in SI
         assert client.job(fitted["id"]).over
         with pytest.raises(BadValue, match="alpha9"):
             client.submit(RECORDING, fix={"alpha9": 1.0})
