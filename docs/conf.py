@@ -42,6 +42,7 @@ html_theme_options = {
     "footer_end": [],
 }
 html_sidebars = {"*": []}  # pages without pages below them need none
+html_static_path = ["_static"]
 html_copy_source = False
 html_show_sourcelink = False
 
@@ -116,7 +117,23 @@ def types_plainly(app, what, name, thing, options, lines):
             lines[k] = plain(line).replace("*", r"\*")
 
 
+PARAMETERS = re.compile(r'(<span class="sig-paren">[(]</span>\s*)<dl>(.*?)</dl>', re.S)
+
+
+def read_aloud(app, page, template, context, doctree):
+    """A parameter a line is no list of definitions: Sphinx writes one without terms; screen readers stumble there."""
+
+    def lines(found):
+        inside = found[2].replace("<dd>", '<span class="sig-line">').replace("</dd>", "</span>")
+        return f'{found[1]}<span class="sig-lines">{inside}</span>'
+
+    if "body" in context:
+        context["body"] = PARAMETERS.sub(lines, context["body"])
+
+
 def setup(app):
+    app.add_css_file("signatures.css")
+    app.connect("html-page-context", read_aloud)
     app.connect("autodoc-process-signature", told_plainly)
     app.connect("autodoc-process-docstring", readable, priority=400)
     app.connect("autodoc-process-docstring", types_plainly, priority=600)

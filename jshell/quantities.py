@@ -120,6 +120,18 @@ UNITS: dict[str, tuple[str, float]] = {
     "bar": ("pressure", 1e5),
     "J": ("energy", 1.0),
 }
+# Units a laboratory reads, largest first.
+LABORATORY = {
+    "time": ("s", "ms", "µs"),
+    "length": ("mm", "µm"),
+    "area": ("mm^2", "µm^2"),
+    "volume": ("mL", "mm^3", "µm^3"),
+    "speed": ("m/s", "mm/s"),
+    "volume rate": ("mL/s", "mm^3/s", "µm^3/s"),
+    "pressure": ("MPa", "kPa", "Pa"),
+    "energy": ("J",),
+}
+POWERS = str.maketrans({"2": "²", "3": "³", "^": None})  # of a unit in print
 SI_UNIT = {
     "time": "s",
     "length": "m",
@@ -139,3 +151,9 @@ def quantity(key: str) -> Quantity:
         BadName: The key is not in the registry.
     """
     return QUANTITIES[choose("quantity", key, QUANTITIES, remedy="Check the spelling.")]
+
+
+def laboratory_unit(dimension: str, size: float) -> str:
+    """The largest unit that a laboratory reads a dimension in, in which a number of this size [SI] reaches 1."""
+    units = LABORATORY[dimension]
+    return next((unit for unit in units if abs(size) >= UNITS[unit][1]), units[-1])

@@ -77,6 +77,8 @@ def text(result: Fit, *, nuisance: bool = False, smallest_correlation: float = 0
         lines.append(f"    ({hidden} more belong to single traces)")
     if result.derived:
         lines += ["[[Derived]]", *_table(list(result.derived))]
+    if told := in_si(result):
+        lines += ["[[In SI]] (intrinsic frequencies ω/2π)", *(f"    {row}" for row in told)]
     pairs = _pairs(result, smallest_correlation)
     if pairs:
         lines += [f"[[Correlations]] (below {smallest_correlation:g} not listed)", *pairs]
@@ -91,6 +93,24 @@ def text(result: Fit, *, nuisance: bool = False, smallest_correlation: float = 0
         if texts:
             lines += [f"[[{title}]]", *(f"    {text}" for text in texts)]
     return "\n".join(lines)
+
+
+def in_si(result: Fit) -> list[str]:
+    """Frequencies and decay times of recordings that know their units, a line each."""
+    scales = [one.scales for one in getattr(result, "traces", ())]
+    if not scales or any(one is None for one in scales):
+        return []
+    shared = len({float(one.time) for one in scales}) == 1
+    told = []
+    for e in (*result.estimates, *result.derived):
+        base, _, index = e.name.partition("[")
+        if base not in ("omega_minus", "omega_plus", "tau") or e.undetermined or not (index or shared):
+            continue
+        unit = scales[int(index.rstrip("]")) - 1 if index else 0]
+        factor, word = (1e3 * unit.time, "ms") if base == "tau" else (unit.frequency, "Hz")
+        error = f" ± {e.stderr * factor:.2g}" if np.isfinite(e.stderr) else ""
+        told.append(f"{e.name.replace('omega', 'f')} = {e.value * factor:.5g}{error} {word}")
+    return told
 
 
 def page(result: Fit) -> str:

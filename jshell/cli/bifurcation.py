@@ -1,7 +1,7 @@
 """`jshell bifurcation`: what a tone of rising amplitude does to a shell once its transients are gone."""
 
 import importlib
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
@@ -10,7 +10,7 @@ import jshell
 from jshell.cli import decay as decays
 from jshell.cli.constants import Damped, with_damping
 from jshell.cli.destinations import Picture, drawable
-from jshell.cli.output import Json, finish, log, say, speaking, table
+from jshell.cli.output import Json, finish, log, say, speaking
 from jshell.cli.problem import Problem, with_conditions
 from jshell.errors import BadValue, Outcome
 
@@ -66,11 +66,18 @@ def bifurcation(
             "period": found.period,
             "volume_over_V0": np.asarray(found.volume).T / jshell.shell.SPHERE_VOLUME,
         }
-        say({"pulsation": angular_frequency, "lanes": rows, "first_ended": first, "decay": decay.record(),
+        kinds = {"pulsation": "angular frequency", "first_ended": "pressure"}
+        units = problem.si({"pulsation": angular_frequency, "first_ended": first}, kinds)
+        say({"pulsation": angular_frequency, "lanes": rows, "first_ended": first, **units, "decay": decay.record(),
              "plot": None if plot is None else str(plot), "conditions": problem.record()})  # fmt: skip
     else:
         words = {0: "does not repeat within 8 periods", 1: "repeats every period"}
-        shown = [(words.get(p, f"repeats every {p} periods"), n) for p, n in counts.items() if n]
-        shown += [("leaves the buckled state", int(ended.sum())), ("first amplitude that does", first)]
-        typer.echo(table(shown, ("the answer", "amplitudes")))
+        shown: list[tuple[str, Any, str | None]]
+        shown = [(words.get(p, f"repeats every {p} periods"), n, None) for p, n in counts.items() if n]
+        shown += [
+            ("leaves the buckled state", int(ended.sum()), None),
+            ("first amplitude that does", first, "pressure"),
+        ]
+        shown.append(("angular frequency of the tone", angular_frequency, "angular frequency"))
+        typer.echo(problem.table(shown, ("the answer", "amplitudes")))
         typer.echo(decays.line(decay))

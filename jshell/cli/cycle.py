@@ -61,7 +61,8 @@ def cycle(
     steps = {"accepted": found.accepted, "rejected": found.rejected}
     if as_json:
         files = {"out": None if out is None else str(out), "plot": None if plot is None else str(plot)}
-        switches = [switch._asdict() for switch in found.switches]
+        kinds = {"time": "time", "outer_pressure": "pressure"}
+        switches = [switch._asdict() | problem.si(switch._asdict(), kinds) for switch in found.switches]
         say({"outcome": outcome, "thresholds": found.thresholds._asdict(), "switches": switches,
              "decay": decay.record(), "steps": steps, **files, "conditions": problem.record()})  # fmt: skip
     else:
@@ -71,6 +72,14 @@ def cycle(
         for s in found.switches:
             word = "buckles" if s.buckles else "unbuckles"
             rows.append((f"{s.time:.5g}", word, s.outer_pressure, s.volume / np.pi * 0.75))
-        typer.echo(table(rows, ("time", "the shell", "at P̂ext", "V/V0")))
+        header = ("time", "the shell", "at P̂ext", "V/V0")
+        if problem.scales is not None:
+            times = [None, None, *(s.time for s in found.switches)]
+            told = [
+                (problem.told(t, "time"), problem.told(row[2], "pressure")) for t, row in zip(times, rows, strict=True)
+            ]
+            rows = [(*row, *more) for row, more in zip(rows, told, strict=True)]
+            header = (*header, "t", "Pext")
+        typer.echo(table(rows, header))
         typer.echo(decays.line(decay))
     finish(outcome)

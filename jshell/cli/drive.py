@@ -3,7 +3,7 @@
 import dataclasses
 import importlib
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import typer
@@ -12,7 +12,7 @@ import jshell
 from jshell.cli import decay as decays
 from jshell.cli.constants import Damped, with_damping
 from jshell.cli.destinations import OutFile, Picture, drawable, traceable, write_finite
-from jshell.cli.output import Json, finish, judged, log, say, speaking, table
+from jshell.cli.output import Json, finish, judged, log, say, speaking
 from jshell.cli.problem import Problem, with_conditions
 from jshell.errors import BadValue, Outcome, choose
 from jshell.sizes import count_of_samples
@@ -24,6 +24,7 @@ FORCINGS = ("tone", "pulse", "burst", "step", "ramp")
 HARMONICS = 3  # multiples of the drive that the answer is sampled for
 USUAL_SPACING = 0.05  # of the samples [time unit]
 SAMPLES_PER_LIMIT = 2  # finer than the limit that its fastest motion sets by this
+DIMENSIONS = {"pulsation": "angular frequency", "pole_speed_max": "speed", "ended_at": "time"}  # of what is said
 DRAGS = ("viscous", "equal_decay", "reynolds", "none")
 
 
@@ -147,12 +148,14 @@ def _tell(
     if as_json:
         files = {"out": None if out is None else str(out), "plot": None if plot is None else str(plot)}
         say({"outcome": outcome, **numbers, "decay": decay.record(), "pulsation": omega, "harmonics": levels,
-             "steps": steps, **files, "conditions": problem.record()})  # fmt: skip
+             "steps": steps, **problem.si(numbers | {"pulsation": omega}, DIMENSIONS), **files,
+             "conditions": problem.record()})  # fmt: skip
     else:
-        rows = [(name.replace("_", " "), value) for name, value in numbers.items()]
-        rows += [(f"scattered at {order} ω", value) for order, value in levels.items()]
-        rows += [(f"steps {word}", count) for word, count in steps.items()]
-        typer.echo(table(rows, ("driven shell", "value")))
+        rows: list[tuple[str, Any, str | None]] = [("driven at ω", omega, "angular frequency")]
+        rows += [(name.replace("_", " "), value, DIMENSIONS.get(name)) for name, value in numbers.items()]
+        rows += [(f"scattered at {order} ω", value, None) for order, value in levels.items()]
+        rows += [(f"steps {word}", count, None) for word, count in steps.items()]
+        typer.echo(problem.table(rows, ("driven shell", "value")))
         typer.echo(decays.line(decay))
     finish(outcome)
 

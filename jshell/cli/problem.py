@@ -6,14 +6,17 @@ hands it a `Problem`; `with_options` does so for any group of options.
 
 import functools
 import inspect
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
 import typer
 
 import jshell
+from jshell.cli.output import table
 from jshell.errors import BadValue
+from jshell.quantities import POWERS, SI_UNIT, UNITS, laboratory_unit
 
 
 @dataclass(frozen=True)
@@ -37,6 +40,39 @@ class Problem:
     def record(self) -> dict[str, float]:
         """The conditions as JSON."""
         return named(self.conditions)
+
+    def si(self, numbers: Mapping[str, Any], dimensions: Mapping[str, str]) -> dict[str, dict[str, float | None]]:
+        """What JSON says of numbers in SI, under `si`: each with its unit in its name; nothing without units."""
+        if self.scales is None:
+            return {}
+        units = SI_UNIT | {"angular frequency": "Hz"}
+        rows = [(key, kind) for key, kind in dimensions.items() if key in numbers]
+        return {"si": {f"{key} [{units[kind]}]": self._in_si(numbers[key], kind) for key, kind in rows}}
+
+    def told(self, number: Any, dimension: str | None) -> str:
+        """A number in a unit of the laboratory's, as a cell of a table; angular frequencies as cycles a second."""
+        found = None if dimension is None else self._in_si(number, dimension)
+        if found is None or dimension is None:
+            return "–"
+        if dimension == "angular frequency":
+            unit, size = next((row for row in (("MHz", 1e6), ("kHz", 1e3)) if abs(found) >= row[1]), ("Hz", 1.0))
+        else:
+            unit = laboratory_unit(dimension, found)
+            size = UNITS[unit][1]
+        return f"{found / size:.5g} {unit.translate(POWERS)}"
+
+    def _in_si(self, number: Any, dimension: str) -> float | None:
+        if self.scales is None or number is None or not math.isfinite(float(number)):
+            return None
+        if dimension == "angular frequency":
+            return float(number) * float(self.scales.frequency)
+        return float(number) * float(self.scales.of(dimension))
+
+    def table(self, rows: Sequence[tuple[str, Any, str | None]], header: tuple[str, str]) -> str:
+        """Names, numbers and, where the problem has units, the numbers in SI."""
+        if self.scales is None:
+            return table([row[:2] for row in rows], header)
+        return table([(name, number, self.told(number, kind)) for name, number, kind in rows], (*header, "SI"))
 
 
 def named(conditions: "jshell.Reduced") -> dict[str, float]:

@@ -15,6 +15,8 @@ from jshell.cli.output import Json, finish, judged, log, say, speaking, table
 from jshell.cli.problem import Problem, with_conditions
 from jshell.errors import BadValue, Outcome
 
+REST_DIMENSIONS = {"P": "pressure", "difference": "pressure", "P_ext": "pressure", "elastic": "energy",
+                   "gap": "length", "clearance": "length"}  # fmt: skip
 THIN = 0.05  # d_hat below which a dimple may lose its axial symmetry
 Elements = Annotated[int, typer.Option("--elements", help="Spline elements from pole to pole.")]
 Attached = Annotated[
@@ -118,7 +120,10 @@ def rest(
                 "eigenvalue": symmetric.stability.eigenvalue,
                 "growth": symmetric.growth,
             }
-        say({**numbers, "stable": stable, "branch": branch, "outcome": outcome, "conditions": problem.record()})
+        units = problem.si(numbers, REST_DIMENSIONS)
+        say(
+            {**numbers, **units, "stable": stable, "branch": branch, "outcome": outcome, "conditions": problem.record()}
+        )
     else:
         words = {
             "V_over_V0": "volume V/V0",
@@ -130,13 +135,13 @@ def rest(
             "gap": "poles apart [R0]",
             "clearance": "room between facing walls [R0]",
         }
-        rows: list[tuple[str, Any]] = [(words[key], value) for key, value in numbers.items()]
-        rows.append(("stable", {True: "yes", False: "no", None: "–"}[stable]))
+        rows = [(words[key], value, REST_DIMENSIONS.get(key)) for key, value in numbers.items()]
+        rows.append(("stable", {True: "yes", False: "no", None: "–"}[stable], None))
         if symmetric is not None:
-            rows.append(("symmetry", symmetric.verdict))
+            rows.append(("symmetry", symmetric.verdict, None))
         elif ok and branch == "buckled" and problem.conditions.thickness < THIN:
-            rows.append(("symmetry", jshell.membrane.law_of(found)))
-        typer.echo(table(rows, ("at rest", "value")))
+            rows.append(("symmetry", jshell.membrane.law_of(found), None))
+        typer.echo(problem.table(rows, ("at rest", "value")))
     finish(outcome)
 
 
@@ -269,9 +274,10 @@ def modes(
     said = said_of(found.rest, symmetry) if branch == "buckled" else None
     if as_json:
         rows = () if found.axial is None else found.axial.table()
-        told = {"modes": [asdict(row) for row in rows], "outcome": outcome, "conditions": problem.record()}
+        listed = lambda rows: [asdict(row) | in_si(row, problem) for row in rows]  # noqa: E731
+        told = {"modes": listed(rows), "outcome": outcome, "conditions": problem.record()}
         if found.around is not None:
-            told["azimuthal"] = [asdict(row) for row in found.around.table()]
+            told["azimuthal"] = listed(found.around.table())
         if said is not None:
             told["symmetry"] = said
         say(told)
@@ -296,11 +302,30 @@ def modes_table(found: "jshell.dynamics.AllModes", problem: Problem, *, everythi
         header = ("mode", "ω = |s|", "Ω", "τ", "dV", "dS", "outcome")
         rows = () if found.axial is None else found.axial.table()
         lines = [(str(row.mode), row.omega, row.Omega, row.tau, row.dV, row.dS, row.outcome) for row in rows]
-    if problem.scales is not None:
-        header = (*header, "f [Hz]")
-        hertz = [None if row.omega is None else row.omega * problem.scales.frequency for row in rows]
-        lines = [(*line, one) for line, one in zip(lines, hertz, strict=True)]
-    return table(lines, header)
+    text = table(lines, header)
+    if problem.scales is None:
+        return text
+    orders = [(str(row.azimuth),) if everything else () for row in rows]  # pyright: ignore[reportAttributeAccessIssue]
+    kinds = ("angular frequency", "angular frequency", "time")
+    told = [
+        (*order, str(row.mode), *map(problem.told, (row.omega, row.Omega, row.tau), kinds))
+        for order, row in zip(orders, rows, strict=True)
+    ]
+    first = ("m", "mode") if everything else ("mode",)
+    return f"{text}\n\n{table(told, (*first, 'intrinsic ω/2π', 'damped Ω/2π', 'τ'))}"
+
+
+def in_si(row: Any, problem: Problem) -> dict[str, float | None]:
+    """A vibration's frequencies, intrinsic and damped, and decay time where the problem has units; else nothing."""
+    if problem.scales is None:
+        return {}
+    hertz, seconds = float(problem.scales.frequency), float(problem.scales.time)
+    scaled = lambda number, unit: None if number is None else number * unit  # noqa: E731
+    return {
+        "f_Hz": scaled(row.omega, hertz),
+        "f_damped_Hz": scaled(row.Omega, hertz),
+        "tau_s": scaled(row.tau, seconds),
+    }
 
 
 @speaking
@@ -344,7 +369,7 @@ def frequencies(
         if problem.scales is not None:
             hertz = _in_hertz(numbers, float(problem.scales.time))
             rows = [(words[key], value) for key, value in hertz.items()]
-            typer.echo(table(rows, ("undamped, ω/2π", "Hz")))
+            typer.echo(f"\n{table(rows, ('undamped, ω/2π', 'Hz'))}")
     finish(outcome)
 
 

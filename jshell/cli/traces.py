@@ -35,6 +35,7 @@ from jshell.cli.reading import takes_reading
 from jshell.cli.statics import Attached, Elements, Spot, weak_spot
 from jshell.errors import BadUnits, BadValue, Outcome, choose
 
+DIMENSIONS = {"t_dip": "time"}  # of what is said of a run
 LONGEST_STEP = 1 / 60  # `dynamics.LONGEST_STEP`, which help need not wait for
 LONG = 400  # samples that make a run worth a progress bar
 
@@ -147,11 +148,13 @@ def simulate(
     if as_json:
         pictures = {"film": film, "gif": gif}
         drawn = {key: str(path) for key, path in pictures.items() if path is not None}
-        say({"out": str(out), "outcome": outcome, **numbers, **said, **drawn, "conditions": problem.record()})
+        in_si = problem.si(numbers, DIMENSIONS)
+        say({"out": str(out), "outcome": outcome, **numbers, **in_si, **said, **drawn, "conditions": problem.record()})
     else:
         words = {"t_dip": "dip at t", "V_over_V0": "settles at V/V0", "S_over_S0": "settles at S/S0"}
-        rows: list[tuple] = [(words[key], value) for key, value in numbers.items()]
-        typer.echo(table([*rows, *said.items()], (str(out), "value")))
+        rows = [(words[key], value, DIMENSIONS.get(key)) for key, value in numbers.items()]
+        rows += [(key, text, None) for key, text in said.items()]
+        typer.echo(problem.table(rows, (str(out), "value")))
     finish(outcome)
 
 
@@ -226,10 +229,11 @@ def signature_table(found: "jshell.signals.Signature") -> str:
     """A signature as text."""
     error = found.stderr
     shown = lambda value, unit: None if value is None else f"{value:.5g} {unit}"  # noqa: E731
+    milliseconds = None if found.tau_s is None else 1e3 * found.tau_s
     rows: list[tuple] = [
         ("slow frequency ω−", found.omega_minus, error.get("omega_minus"), shown(found.f_minus_Hz, "Hz")),
         ("fast frequency ω+", found.omega_plus, error.get("omega_plus"), shown(found.f_plus_Hz, "Hz")),
-        ("decay time τ", found.tau, error.get("tau"), shown(found.tau_s, "s")),
+        ("decay time τ", found.tau, error.get("tau"), shown(milliseconds, "ms")),
     ]
     rows += [(f"A+/A− on {name}", ratio, None, None) for name, ratio in found.amplitude_ratio.items()]
     rows += [("residual / signal", found.residual, None, None), ("modes needed", found.verdict, None, None)]

@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from jshell.errors import BadName, BadValue, NotOk, Outcome
 from jshell.plot.style import BLACK, BLUE, CHANNEL, GREY, PALE, Axes, axes_or_new, style
-from jshell.quantities import QUANTITIES, UNITS, quantity
+from jshell.quantities import LABORATORY, POWERS, QUANTITIES, UNITS, laboratory_unit, quantity
 from jshell.shell.elasticity import SPHERE_AREA, SPHERE_VOLUME
 from jshell.signals import Signature, dip, ring_down_start
 from jshell.trace import Trace
@@ -24,18 +24,6 @@ SPHERE = {
     "H": (2.0, "H/2R₀"),
     "W": (2.0, "W/2R₀"),
 }
-# Units a laboratory reads, largest first; the largest in which the record reaches 1 is used.
-LABORATORY = {
-    "time": ("s", "ms", "µs"),
-    "length": ("mm", "µm"),
-    "area": ("mm^2", "µm^2"),
-    "volume": ("mL", "mm^3", "µm^3"),
-    "speed": ("m/s", "mm/s"),
-    "volume rate": ("mL/s", "mm^3/s", "µm^3/s"),
-    "pressure": ("MPa", "kPa", "Pa"),
-    "energy": ("J",),
-}
-POWERS = str.maketrans({"2": "²", "3": "³", "^": None})
 
 
 @dataclass(frozen=True)
@@ -77,8 +65,7 @@ def reading(trace: Trace, name: str, *, relative: bool = False, laboratory: bool
     if laboratory and trace.scales is not None and known.dimension in LABORATORY:
         values = trace.times if name == "t" else trace[name]
         reach = float(np.nanmax(np.abs(np.asarray(values)))) * trace.scales.of(known.dimension)
-        units = LABORATORY[known.dimension]
-        unit = next((u for u in units if reach >= UNITS[u][1]), units[-1])
+        unit = laboratory_unit(known.dimension, reach)
         factor = trace.scales.of(known.dimension) / UNITS[unit][1]
         return Reading(factor, known.label(unit.translate(POWERS)), known.symbol, unit.translate(POWERS))
     if bare:

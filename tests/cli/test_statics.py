@@ -1,13 +1,16 @@
-"""`jshell rest` and `jshell branch`: what they print is what Python's doors return."""
+"""`jshell rest`, `branch` and `modes`: what they print is what Python's doors return."""
 
 import json
+import math
 
 import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
+import jshell
 from jshell import membrane
 from jshell.cli.main import app
+from jshell.cli.problem import Problem
 
 runner = CliRunner()
 ELEMENTS = 16
@@ -92,3 +95,33 @@ def test_what_is_told_of_motions_out_of_round(monkeypatch):
     assert said["verdict"].startswith("not round: m = 5, grows at rate 0.")
     assert said["growth"] > 0 > said["eigenvalue"]
     assert answer(monkeypatch, "rest", "--d-hat", 0.0278, *thin)["symmetry"]["verdict"] == "round"
+
+
+def test_a_shell_given_in_si_is_answered_in_its_units(monkeypatch):
+    """With the time by hand: 22.5 mm, 5 mm, 0.5 MPa, glycerol of 1260 kg/m³."""
+    time = (1260.0 * 22.5e-3**3 / (0.5e6 * 5e-3)) ** 0.5
+    words = ("modes", "--preset", "R-macro", "--elements", 24, "--liquid", "ideal", "--count", 2)
+    told = answer(monkeypatch, *words)
+    for row in told["modes"]:
+        assert row["f_Hz"] == pytest.approx(row["omega"] / (2 * math.pi * time), rel=1e-12)
+        assert row["f_damped_Hz"] == pytest.approx(row["Omega"] / (2 * math.pi * time), rel=1e-12)
+        assert row["tau_s"] is None  # nothing decays in an ideal liquid
+    text = runner.invoke(app, [str(word) for word in words]).stdout
+    first = told["modes"][0]
+    assert "intrinsic ω/2π  damped Ω/2π" in text
+    assert f"{first['f_Hz']:.5g} Hz" in text
+    at_rest = answer(monkeypatch, "rest", "--preset", "R-macro", "--elements", 24)
+    assert at_rest["si"]["P [Pa]"] == pytest.approx(at_rest["P"] * 0.5e6 * 5 / 22.5, rel=1e-12)
+    assert at_rest["si"]["P_ext [Pa]"] == pytest.approx(1.77e5, rel=1e-12)
+
+
+def test_units_of_a_size_are_chosen():
+    shell = (jshell.Shell(2e-6, 20e-9, 1e7), jshell.Liquid(1000.0, 1e-3))
+    problem = Problem(jshell.presets.R.conditions, jshell.shell.scales(*shell), True)
+    assert problem.told(1.0, "angular frequency") == "795.77 kHz"
+    assert problem.told(2.0, "angular frequency").endswith(" MHz")
+    assert problem.told(1.0, "time").endswith(" µs")
+    assert problem.told(None, "time") == problem.told(1.0, None) == "–"
+    bare = Problem(jshell.presets.R.conditions, None, True)
+    assert bare.told(1.0, "time") == "–"
+    assert bare.si({"t": 1.0}, {"t": "time"}) == {}

@@ -54,6 +54,23 @@ def test_the_laws_energy_is_that_of_the_short_model_on_its_line(law):
         np.testing.assert_allclose(own, moving, rtol=1e-3)
 
 
+@pytest.mark.slow
+def test_how_far_the_law_is_from_the_simulator_is_what_the_how_to_says(law):
+    """The simulator's own swing along its slow mode, by a rate of the volume of 1e-3."""
+    still = js.modes(R, count=2, elements=24, liquid="second")
+    rate = 1e-3
+    along = jnp.real(still.shapes[0]) * rate / still.dV[0]
+    swing = js.simulate(R, start=still.rest, velocity=along, duration=40.0, every=0.1, elements=24)
+    assert float(swing["V_rate"][0]) == pytest.approx(rate, rel=1e-6)
+    simulated = js.extract(swing, "V", start=0.0).omega_minus
+    omega, _ = law.slow_mode()
+    assert omega * SCALES.time / simulated - 1 == pytest.approx(-0.041, abs=0.003)
+    unit = SCALES.pressure * SCALES.time**2 / SCALES.length**3
+    mass = float(np.interp(law.rest_volume, law.buckled.volume, law.buckled.mass)) / unit
+    off = mass * rate**2 / 2 / float(swing["kinetic"][0]) - 1
+    assert off == pytest.approx({"mode": 0.11, "rest": -0.69}[law.along], abs=0.01)
+
+
 @pytest.mark.long
 def test_a_slow_load_unbuckles_and_buckles_where_the_short_model_says():
     law = radial_law(R, CONSTANTS, SCALES, along="rest", equilibrium=REST, rows=101)

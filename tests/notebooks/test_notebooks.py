@@ -20,9 +20,9 @@ PICTURES = 60
 GUIDES = {"camera", "ultrasound", "soft_robot", "theorist", "programmer"}
 
 
-def script():
-    """`docs/execute.py` as a module."""
-    spec = importlib.util.spec_from_file_location("execute", ROOT / "docs" / "execute.py")
+def script(name="execute"):
+    """A script of the documentation as a module."""
+    spec = importlib.util.spec_from_file_location(name, ROOT / "docs" / f"{name}.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -74,22 +74,12 @@ def test_every_how_to_is_executed():
 
 
 def test_the_documentation_shows_what_it_speaks_of():
-    """Cells whose last line is a picture, whether or not they have been executed."""
-    last = re.compile(
-        r"(figure|plt\.show\(\)|^Image\(.*|\.draw\(material\)|^(js\.)?plot\.(response\.answer|filmstrip)\(.*)$"
-    )
-    cells = [
-        cell
-        for page in PAGES
-        for cell in re.findall(r"^```\{code-cell\} python\n(.*?)^```$", page.read_text("utf-8"), re.S | re.M)
-    ]
-    for book in BOOKS:
-        cells += [
-            "".join(cell["source"])
-            for cell in json.loads(book.read_text("utf-8"))["cells"]
-            if cell["cell_type"] == "code"
-        ]
-    assert sum(bool(last.search(cell.strip().splitlines()[-1])) for cell in cells) >= PICTURES
+    """Every picture stands beside what draws it: in the cell above it, or by name on its page."""
+    listed = script("pictures").listed()
+    assert len(listed) >= PICTURES
+    for page, line in listed:
+        text = (ROOT / page).read_text(encoding="utf-8")
+        assert json.dumps(line)[1:-1] in text or line in text, (page, line)
 
 
 def test_what_was_executed_is_kept_until_code_changes(tmp_path, monkeypatch):

@@ -13,6 +13,7 @@ from jshell.calibration import Estimate, FitResult
 from jshell.errors import RangeWarning
 from jshell.service import jobs
 from jshell.service.jobs import FILES, PLURAL, address, of_kind
+from jshell.service.reading import conditions_of
 from jshell.service.state import Here, Service
 from jshell.service.store import JobRow
 from jshell.service.web import drawing, series
@@ -105,6 +106,8 @@ def _found(here: Service, job: JobRow) -> dict[str, Any]:
         "derived": [_row(result, one, None) for one in result.derived],
         "profile": profile,
         "hertz": unit,
+        "time": None if unit is None else 1 / (2 * np.pi * unit),
+        "read": _read(here, job, result),
         "frequencies": FREQUENCIES,
         "warnings": list(dict.fromkeys(cautions)),
         "notes": [text for text in result.notes if text not in cautions],
@@ -112,6 +115,24 @@ def _found(here: Service, job: JobRow) -> dict[str, Any]:
         "python": python(job, names, result.specification),
         "agree": (sum(one.agrees for one in result.starts), len(result.starts)),
     }
+
+
+def _read(here: Service, job: JobRow, result: FitResult) -> list[dict[str, Any]]:
+    """What of every recording was fitted."""
+    rows = []
+    for name, trace, curves in zip(_names(here, job), result.traces, result.curves(), strict=True):
+        times = np.asarray(trace.times, dtype=float)
+        time = series.reading(trace, "t", laboratory=trace.scales is not None)
+        rows.append(
+            {
+                "name": name,
+                "channels": list(curves),
+                "samples": times.size,
+                "window": f"{time.factor * times[0]:.4g} to {time.factor * times[-1]:.4g} {time.unit}".strip(),
+                "conditions": list((conditions_of(trace.conditions) or {}).items()),
+            }
+        )
+    return rows
 
 
 def _row(result: FitResult, one: Estimate, profile: Mapping[str, Any] | None) -> dict[str, Any]:

@@ -212,6 +212,7 @@ def configured(request: Request, here: Service, asked: FitForm, status: int) -> 
         "selects": selects(loss),
         "query": str(request.url.query) if request.method == "GET" else "&".join(f"trace={t}" for t in asked.traces),
         "time": _time(looks),
+        "drags": _drags(looks, _time(looks)),
         "lone": len(looks) == 1 and loss == "modal" and not any(asked.role(name) == "fixed" for name in SYMBOLS),
     }
     return shown(request, "new.html", given, status)
@@ -245,6 +246,11 @@ def _time(looks: Sequence[TraceContent]) -> tuple[str, float]:
     if len({(one.unit, one.factor) for one in read}) > 1 or not read[0].unit:
         return "dimensionless", 1.0
     return read[0].unit, read[0].factor
+
+
+def _drags(looks: Sequence[TraceContent], time: tuple[str, float]) -> bool:
+    """Whether the curves' time is the form's, so that a window can be dragged."""
+    return time[0] != "dimensionless" or all(one.trace.scales is None for one in looks)
 
 
 def _begin(found: Preview | None, name: str) -> str:

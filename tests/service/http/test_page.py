@@ -10,7 +10,7 @@ from pathlib import Path
 import httpx
 import numpy as np
 import pytest
-from playwright.sync_api import expect, sync_playwright
+from playwright.sync_api import expect
 
 import jshell
 from jshell.calibration import BatchResult, Recordings, fit_batch
@@ -21,14 +21,6 @@ from .conftest import RECORDING
 
 PATIENT = 120_000  # [ms] for a first fit, which compiles
 BROKEN = b"t,V\n0,3.0\n1,nan\n2,3.1\n"
-
-
-@pytest.fixture(scope="module")
-def browser(chromium: str) -> Iterator:
-    with sync_playwright() as play:
-        opened = play.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
-        yield opened
-        opened.close()
 
 
 @pytest.fixture
@@ -98,6 +90,28 @@ def test_upload_fit_picture_numbers_download(page, served, fitted, tmp_path):
         page.get_by_role("link", name="Table (.csv)").click()
     wanted.value.save_as(tmp_path / "table.csv")
     assert f"alpha1,{record['alpha1'].value!r}" in (tmp_path / "table.csv").read_text()
+
+
+def test_a_drag_across_a_curve_chooses_the_window(page, fitted):
+    page.goto(f"/fits/new?trace={fitted['traces'][0]}")
+    over = page.locator("figure[data-drawn] .u-over").first
+    box = over.bounding_box()
+    at = lambda part: (box["x"] + part * box["width"], box["y"] + 60)  # noqa: E731
+    page.mouse.move(*at(0.5))
+    page.mouse.down()
+    page.mouse.move(*at(0.9), steps=4)
+    page.mouse.up()
+    start, stop = (page.locator(f"#fit input[name={name}]") for name in ("start", "stop"))
+    assert float(start.input_value()) == pytest.approx(108, abs=2)  # of 216 ms
+    assert float(stop.input_value()) == pytest.approx(194, abs=2)
+    page.wait_for_timeout(300)
+    over.dblclick()
+    assert start.input_value() == stop.input_value() == ""
+    # and the page of the fit says what it read
+    page.goto(f"/fits/{fitted['id']}")
+    read = page.locator("section:has(#read)").inner_text()
+    assert "85 to 216 ms" in read
+    assert "H, W" in read
 
 
 def test_the_python_shown_asks_for_the_same_fit(page, fitted, monkeypatch):
@@ -226,6 +240,7 @@ def test_the_client_gives_the_librarys_own_objects(served, fitted):
             r["value"] for r in fitted["result"]["estimates"] if r["name"] == "alpha1"
         )
         assert "alpha1" in result.report()
+        assert "f_minus = 26.598 ± 0.072 Hz" in result.report()  # the recording is in SI
         assert client.job(fitted["id"]).over
         with pytest.raises(BadValue, match="alpha9"):
             client.submit(RECORDING, fix={"alpha9": 1.0})

@@ -4,19 +4,42 @@
   const root = document.documentElement;
   root.classList.add("js");
 
-  function options(plot, width) {
+  // the window that is fitted: the form's two fields, which a drag across a curve fills
+  const ends = () => ["start", "stop"].map((name) => document.querySelector(`#fit input[name=${name}]`));
+  function choose(low, high) {
+    const fields = ends();
+    [low, high].forEach((at, k) => { fields[k].value = at === null ? "" : String(Number(at.toPrecision(5))); });
+    fields[1].dispatchEvent(new Event("change", { bubbles: true }));
+  }
+  function leftOut(u) {
+    const [low, high] = ends().map((field, k) => {
+      const at = parseFloat(field.value.replace(",", "."));
+      return Number.isFinite(at) ? u.valToPos(at, "x", true) : k ? u.bbox.left + u.bbox.width : u.bbox.left;
+    });
+    u.ctx.save();
+    u.ctx.globalAlpha = 0.6;
+    u.ctx.fillStyle = getComputedStyle(root).getPropertyValue("--line").trim();
+    const right = u.bbox.left + u.bbox.width;
+    const fill = (a, b) => { if (b > a) u.ctx.fillRect(a, u.bbox.top, b - a, u.bbox.height); };
+    fill(u.bbox.left, Math.min(low, right));
+    fill(Math.max(high, u.bbox.left), right);
+    u.ctx.restore();
+  }
+
+  function options(plot, width, chooses) {
     const shade = (name) => getComputedStyle(root).getPropertyValue(name).trim();
     const axis = { stroke: shade("--soft"), font: "12px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif" };
     const grid = { stroke: shade("--line"), width: 1 };
     const ticks = { stroke: shade("--line"), width: 1, size: 4 };
+    const color = (line) => (line.color === "#000000" ? shade("--ink") : line.color); // black on a dark page is none
     const series = plot.lines.map((line) => ({
       label: line.label,
-      stroke: line.color,
+      stroke: color(line),
       pxAlign: 0,
       width: line.dots ? 0 : line.width,
       dash: line.dash.length ? line.dash : undefined,
       paths: line.dots ? () => null : undefined,
-      points: line.dots ? { show: true, size: 4, fill: line.color, stroke: line.color, width: 0 } : { show: false },
+      points: line.dots ? { show: true, size: 4, fill: color(line), stroke: color(line), width: 0 } : { show: false },
     }));
     const mark = (u) => {
       if (plot.mark === null) return;
@@ -34,7 +57,7 @@
     return {
       width,
       height: plot.height,
-      cursor: { drag: { x: true, y: false } },
+      cursor: { drag: { x: true, y: false, setScale: !chooses }, bind: chooses ? { dblclick: () => () => { choose(null, null); return null; } } : {} },
       legend: { show: false },
       scales: { x: { time: false } },
       axes: [
@@ -42,7 +65,16 @@
         { ...axis, grid, ticks, label: plot.y, labelSize: 20, size: 58, space: 34 },
       ],
       series: [{ label: plot.x }, ...series],
-      hooks: { draw: [mark] },
+      hooks: {
+        draw: [mark],
+        drawClear: chooses ? [leftOut] : [],
+        setSelect: chooses ? [(u) => {
+          if (u.select.width < 3) return;
+          choose(u.posToVal(u.select.left, "x"), u.posToVal(u.select.left + u.select.width, "x"));
+          u.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+          u.redraw();
+        }] : [],
+      },
     };
   }
 
@@ -56,7 +88,7 @@
     const plot = JSON.parse(source.textContent);
     if (figure.chart) figure.chart.destroy();
     canvas.replaceChildren();
-    figure.chart = new window.uPlot(options(plot, width), plot.data, canvas);
+    figure.chart = new window.uPlot(options(plot, width, "window" in figure.dataset), plot.data, canvas);
     figure.drawn = source.textContent;
     figure.width = width;
     figure.dataset.drawn = "yes";

@@ -3,6 +3,8 @@
   "use strict";
   const calm = window.matchMedia("(prefers-reduced-motion: reduce)").matches;
   const SWING = 0.15, PERIOD = 1.4; // largest displacement drawn [R0]; seconds of the slowest mode's period
+  const LATER = 3000; // milliseconds until a question that was not answered is asked again
+  const BUSY = [429, 503]; // answers that say so
   const number = (x, digits = 4) => (x === null || x === undefined ? "–" : Number(x.toPrecision(digits)).toString().replace("-", "−"));
 
   // a closed curve: the half from pole to pole, and its mirror image; the buckling pole is to the right
@@ -82,7 +84,8 @@
     }
     async function get(what, query) {
       const answer = await fetch(`${card.dataset.src}/${what}?${query}`, { headers: { accept: "application/json" } });
-      return answer.ok ? answer.json() : null;
+      if (answer.ok) return answer.json();
+      return BUSY.includes(answer.status) ? undefined : null;
     }
     // one question at a time; what moved meanwhile is asked next
     async function ask() {
@@ -91,7 +94,7 @@
       exact = null;
       clearTimeout(quiet);
       const query = asked();
-      const got = await get("shape", query).catch(() => null);
+      const got = await get("shape", query).catch(() => undefined);
       asking = false;
       if (got) {
         found = got;
@@ -100,9 +103,12 @@
         if (!playing) paint(0);
       }
       if (again) { again = false; ask(); }
+      else if (got === undefined) quiet = setTimeout(ask, LATER); // busy, or just started and compiling
       else quiet = setTimeout(async () => {
-        const full = await get("exact", query).catch(() => null);
-        if (full && query.toString() === asked().toString()) { exact = full; say(); }
+        const full = await get("exact", query).catch(() => undefined);
+        if (query.toString() !== asked().toString()) return;
+        if (full) { exact = full; say(); }
+        else if (full === undefined) quiet = setTimeout(ask, LATER);
       }, 500);
     }
     form.addEventListener("input", ask);
