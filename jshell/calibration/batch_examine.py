@@ -28,6 +28,7 @@ from jshell.calibration.recordings import Bucket
 from jshell.signals.lane_search import CONVERGED
 from jshell.signals.lanes import side_by_side
 
+TOGETHER = 16  # blocks of records that are looked at together
 UNEVEN_SIZES = 2.5  # standard errors between the sizes in both halves, below which no test of ranks fails by COHERENT
 
 
@@ -60,24 +61,28 @@ def study(run: Any, which: np.ndarray, free: np.ndarray, *, white: bool) -> None
         white: Take all noise as white.
     """
     for bucket in run.buckets:
-        chosen = np.flatnonzero(which[bucket.rows])
-        if not chosen.size:
-            continue
-        rows = bucket.rows[chosen]
-        left = _residuals(run, bucket, chosen)
-        memory = _memories(run, bucket, chosen, left, free)
-        coherent = _coherent(bucket, chosen, left, memory)
-        if not white:
-            run.studied.memory[rows] = memory
-        rms = np.sqrt(left.power / bucket.counts[chosen, None])
-        more = rms > MISFIT
-        if not run.absolute:
-            more &= ~((memory > 0) & ~coherent & is_explained(np.maximum(rms, 1e-300), 1.0, memory))
-        misfit = more | coherent
-        flagged = np.flatnonzero(misfit.any(axis=1))
-        scatter = np.sqrt(run.found.weight[:, rows[flagged]].T) * _scatters(bucket, chosen[flagged])
-        misfit[flagged] &= rms[flagged] > 1e-5 * scatter  # of exact data rounding is left
-        run.studied.misfit[rows] = misfit.any(axis=1)
+        everyone = np.flatnonzero(which[bucket.rows])
+        for at in range(0, everyone.size, TOGETHER * bucket.lanes):
+            _study(run, bucket, everyone[at : at + TOGETHER * bucket.lanes], free, white=white)
+
+
+def _study(run: Any, bucket: Bucket, chosen: np.ndarray, free: np.ndarray, *, white: bool) -> None:
+    """The same of some records of a bucket, so few that what is made of them stays in the cache."""
+    rows = bucket.rows[chosen]
+    left = _residuals(run, bucket, chosen)
+    memory = _memories(run, bucket, chosen, left, free)
+    coherent = _coherent(bucket, chosen, left, memory)
+    if not white:
+        run.studied.memory[rows] = memory
+    rms = np.sqrt(left.power / bucket.counts[chosen, None])
+    more = rms > MISFIT
+    if not run.absolute:
+        more &= ~((memory > 0) & ~coherent & is_explained(np.maximum(rms, 1e-300), 1.0, memory))
+    misfit = more | coherent
+    flagged = np.flatnonzero(misfit.any(axis=1))
+    scatter = np.sqrt(run.found.weight[:, rows[flagged]].T) * _scatters(bucket, chosen[flagged])
+    misfit[flagged] &= rms[flagged] > 1e-5 * scatter  # of exact data rounding is left
+    run.studied.misfit[rows] = misfit.any(axis=1)
 
 
 def remember(run: Any) -> None:
@@ -115,7 +120,9 @@ def _blocks(run: Any, bucket: Bucket, chosen: np.ndarray) -> Iterator[tuple[np.n
         mine = np.arange(at, min(at + size, chosen.size))
         lanes = np.resize(chosen[mine], size)
         rows = bucket.rows[lanes]
-        wide = lambda x, lanes=lanes: side_by_side(x[lanes], padded)  # noqa: E731
+        row = lanes[0] if lanes[-1] - lanes[0] == size - 1 and np.all(np.diff(lanes) == 1) else None
+        there = lanes if row is None else slice(row, row + size)  # neighbours are read where they lie
+        wide = lambda x, there=there: side_by_side(x[there], padded)  # noqa: E731
         volume, pressure = found.rest[:, rows]
         yield (
             mine,
@@ -236,20 +243,14 @@ def _fit_again(run: Any, bucket: Bucket, chosen: np.ndarray, memory: np.ndarray)
     over = None
     if bucket.elapsed is not None:
         over = np.array([[_over_steps(bucket, j, phi) for phi in phis] for j, phis in zip(chosen, memory, strict=True)])
-    fixed = run.low == run.high
     for mine, rows, given in _blocks(run, bucket, chosen):
         lanes = np.resize(mine, rows.size)
-        box = (np.repeat(end[:, None], rows.size, 1) for end in (run.low, run.high))
-        start = found.unknowns[:, rows]
+        box = tuple(np.repeat(end[:, None], rows.size, 1) for end in (run.low, run.high))
+        start, rested = found.unknowns[:, rows], found.status[rows] == CONVERGED
         steps = None if over is None else side_by_side(over[lanes], padded)
-        moved, stayed = again(start, memory[lanes].T, steps, *box, given)
-        moved, stayed = (Again(*(np.asarray(part)[..., : mine.size] for part in one)) for one in (moved, stayed))
-        rows = rows[: mine.size]
-        inside = np.all(
-            ((moved.unknowns > run.low[:, None]) & (moved.unknowns < run.high[:, None])) | fixed[:, None], axis=0
-        )
-        good = (moved.status == CONVERGED) & inside & np.isfinite(moved.cost) & (found.status[rows] == CONVERGED)
+        ended = again(start, rested, memory[lanes].T, steps, box, given)
+        ended, rows = Again(*(np.asarray(part)[..., : mine.size] for part in ended)), rows[: mine.size]
         for name in ("unknowns", "normal", "state", "omega", "slope"):
-            getattr(found, name)[..., rows] = np.where(good, getattr(moved, name), getattr(stayed, name))
-        run.studied.whitened[rows] = np.where(good, moved.cost, stayed.cost)
-        found.cost[rows] = np.where(good, moved.power, stayed.power)
+            getattr(found, name)[..., rows] = getattr(ended, name)
+        run.studied.whitened[rows] = ended.cost
+        found.cost[rows] = ended.power

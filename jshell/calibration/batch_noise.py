@@ -11,9 +11,9 @@ Valid for  as `batch_kernel`; over a gap of m steps φ is φ^m
 Source     as `noise`
 """
 
+import math
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -24,7 +24,7 @@ from jshell.calibration.batch_residual import Given, amplitudes, left_of
 from jshell.calibration.batch_shape import Block, pulsations, shape
 from jshell.calibration.batch_waves import basis, even_sums, products, uneven_sums, waves_of, whitened
 from jshell.calibration.noise import STRONGEST
-from jshell.signals.lane_search import Look, begin, descend
+from jshell.signals.lane_search import CONVERGED, Look, begin, descend
 from jshell.signals.lanes import cholesky, lanewise, stage, total
 from jshell.signals.wave_sums import data_sums
 
@@ -77,7 +77,7 @@ def look(unknowns: Float[Array, "unknowns block"], data: Remembering) -> Look:
     return at._replace(sums=jnp.stack(offset))
 
 
-@eqx.filter_jit
+@jax.jit
 @lanewise
 def columns(unknowns: jax.Array, state: jax.Array, free: jax.Array, given: Given) -> jax.Array:
     """(channels, 9, times, block) columns of the Jacobian at the minimum of white noise, weighted.
@@ -99,7 +99,7 @@ def columns(unknowns: jax.Array, state: jax.Array, free: jax.Array, given: Given
     return jnp.stack(found)
 
 
-@eqx.filter_jit
+@jax.jit
 @lanewise
 def memory_of(unknowns: jax.Array, state: jax.Array, free: jax.Array, r: jax.Array, given: Given) -> jax.Array:
     """(channels, block) φ of greatest restricted likelihood of evenly sampled records.
@@ -145,7 +145,7 @@ def memory_of(unknowns: jax.Array, state: jax.Array, free: jax.Array, r: jax.Arr
     def cost(phi):
         M = start + (late - phi * cross + phi**2 * early) / (1 - phi**2)
         L = cholesky(_rows(M), count[0] >= 0)
-        logs = total(-2 * jnp.log(L[j][j]) for j in range(9))
+        logs = -2 * jnp.log(math.prod(L[j][j] for j in range(9)))  # of a matrix of unit diagonal: none is large
         return (count - 1) * jnp.log(1 - phi**2) + logs - (count - used) * 2 * jnp.log(L[9][9])
 
     return _least(cost, jnp.zeros_like(count), jnp.full_like(count, STRONGEST)).reshape(channels, -1)
@@ -188,28 +188,29 @@ class Again(NamedTuple):
     unknowns: Any
     cost: Any
     normal: Any
-    status: Any
-    steps: Any
     state: Any
     omega: Any
     slope: Any
     power: Any
 
 
-@eqx.filter_jit
+@jax.jit
 @lanewise
 def again(
-    start: jax.Array, phi: jax.Array, memory: jax.Array | None, low: jax.Array, high: jax.Array, given: Given
-) -> tuple[Again, Again]:
-    """The fits again with the memory of the noise, and what they were where they began.
+    start: jax.Array, rested: jax.Array, phi: jax.Array, memory: jax.Array | None, box: tuple[jax.Array, jax.Array],
+    given: Given,
+) -> Again:  # fmt: skip
+    """The fits again with the memory of the noise; where they began for those that do not come to rest within bounds.
 
     Args:
         start: (4, block) the minimum of white noise.
+        rested: (block,) whether it is one.
         phi: (channels, block).
         memory: (channels, times, block) over the step to each sample of uneven records, else None.
-        low, high: (4, block) bounds.
+        box: Lowest and highest, (4, block) each; of what is fixed they are alike.
         given: The records.
     """
+    low, high = box
     block = given.block()
     over = memory
     if over is None:
@@ -226,7 +227,10 @@ def again(
     power = total(w * one[2] for w, one in zip(block.weight, ends, strict=True))
     data = Remembering(block, y, phi, memory, ends, block.count, power)
     first = begin(start, data, look)
-    return _read(descend(first, data, low, high, look), block), _read(first, block)
+    moved = descend(first, data, low, high, look)
+    inside = jnp.all(((moved.unknowns > low) & (moved.unknowns < high)) | (low == high), axis=0)
+    good = rested & (moved.status == CONVERGED) & inside & jnp.isfinite(moved.look.cost)
+    return _read(jax.tree.map(lambda new, old: jnp.where(good, new, old), moved, first), block)
 
 
 def _read(search: Any, data: Block) -> Again:
@@ -238,7 +242,7 @@ def _read(search: Any, data: Block) -> Again:
         # the values of a block are less their means
         left = left_of(modes, state[: -len(rest)], at.sums, data, data.inside)
         power = jnp.sum(left * left, axis=(0, 1))
-        return Again(search.unknowns, at.cost, at.normal, search.status, search.steps, state, *pulsations(modes), power)
+        return Again(search.unknowns, at.cost, at.normal, state, *pulsations(modes), power)
 
     if data.modal:
         state = jnp.concatenate([at.linear, jnp.stack(rest)])

@@ -89,7 +89,7 @@ class Left(NamedTuple):
     size: Any
 
 
-@eqx.filter_jit
+@jax.jit
 @lanewise
 def residual(unknowns: jax.Array, linear: jax.Array, rest: jax.Array, given: Given) -> Left:
     """What is left of every record.

@@ -17,6 +17,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy.fft
 import scipy.special
 
 REMEMBERS = 4.0  # standard errors by which lag-1 or runs must leave white noise: 6 in 100 000 by chance
@@ -115,7 +116,7 @@ def runs_from(above: Any, changes: Any, total: Any) -> Any:
 
 def peak_chance(left: np.ndarray) -> Any:
     """Chance of the largest share that one frequency takes of the power (Fisher's g), along the last axis."""
-    waves = np.fft.rfft(left)[..., 1 : (left.shape[-1] + 1) // 2]  # without the mean
+    waves = np.asarray(scipy.fft.rfft(left))[..., 1 : (left.shape[-1] + 1) // 2]  # without the mean
     parts = waves.view(waves.real.dtype).reshape(*waves.shape, 2)
     power = np.einsum("...p,...p->...", parts, parts)
     count, total = power.shape[-1], power.sum(axis=-1)

@@ -228,10 +228,12 @@ def bucketed(records: Recordings) -> tuple[list[Bucket], np.ndarray]:
         return float(t[-1] - t[0]) / (counts[i] - 1)
 
     buckets = []
-    lengths = np.array([padded_length(int(n)) for n in counts[plain]]) if plain.size else np.zeros(0, int)
+    there, which = np.unique(counts[plain], return_inverse=True)
+    lengths = np.array([padded_length(int(n)) for n in there], int)[which]
     for size in np.unique(lengths):
         chosen = plain[lengths == size]
-        kept = values[chosen, :, : min(size, length)]
+        kept = values[..., : min(size, length)]
+        kept = kept if chosen.size == rows else kept[chosen]  # as they lie: a copy takes as long as a step of the fits
         steps = (
             np.full(chosen.size, step_of(chosen[0]))
             if shared and np.all(counts[chosen] == counts[chosen[0]])
@@ -260,9 +262,11 @@ def bucketed(records: Recordings) -> tuple[list[Bucket], np.ndarray]:
         noise = np.array([[noise_of(row, t) for row in y] for _, t, y in found])
         buckets.append(Bucket(np.array([i for i, *_ in found]), kept, n, steps, elapsed, np.array(even), noise))
     for bucket in buckets:
-        beyond = np.arange(bucket.values.shape[2]) >= bucket.counts[:, None, None]
-        moves = np.any((bucket.values != bucket.values[:, :, :1]) & ~beyond, axis=2).all(axis=1)
-        unusable[bucket.rows[~moves]] = True
+        # most differ at once; the others are looked at as a whole
+        still = np.flatnonzero(~np.all(bucket.values[:, :, 1] != bucket.values[:, :, 0], axis=1))
+        beyond = np.arange(bucket.values.shape[2]) >= bucket.counts[still, None, None]
+        moves = np.any((bucket.values[still] != bucket.values[still, :, :1]) & ~beyond, axis=2).all(axis=1)
+        unusable[bucket.rows[still[~moves]]] = True
     return buckets, unusable
 
 

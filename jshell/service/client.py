@@ -76,7 +76,8 @@ class Job:
         begun, job = time.monotonic(), self
         until = begun + max(seconds, 0.1)
         while not job.over:
-            job = self.client._look(self.id, self.kind, until)
+            # whoever waits for a job waits for its service, too
+            job = self.client._told_job("GET", f"/{PLURAL[self.kind]}/{self.id}", until=until)
             spent = time.monotonic() - begun
             if spent >= seconds:
                 break
@@ -326,10 +327,6 @@ class Client(Asking):
         return Job(
             self, found["id"], found["kind"], found["state"], float(found["progress"]), found["specification"], error
         )
-
-    def _look(self, id: str, kind: str, until: float) -> Job:
-        """A job as it stands, asked for until then: whoever waits for it waits for its service, too."""
-        return self._told_job("GET", f"/{PLURAL[kind]}/{id}", until=until)
 
     def _told_job(self, method: str, address: str, **given: Any) -> Job:
         return self._told(self._job, method, address, **given)

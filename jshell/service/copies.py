@@ -53,22 +53,8 @@ def check(copy: Path) -> dict[str, int]:
     place = f"copy {str(copy)!r}"
     try:
         with contextlib.closing(_opened(copy, "ro")) as found:
-            words = found.execute("PRAGMA integrity_check(1)").fetchone()[0]
-            tables = {name for (name,) in found.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
-            if words == "ok" and not {"migrations", "jobs", "traces", "contents", "results"} <= tables:
-                words = "a database of something else"
-            if words == "ok" and found.execute("SELECT max(number) FROM migrations").fetchone()[0] > len(STEPS):
-                words = "tables of a later jshell"
-            if words == "ok" and found.execute("PRAGMA foreign_key_check").fetchone():
-                words = "rows whose others are missing"
-            if words == "ok":
-                asked = "SELECT sha256, content FROM traces LEFT JOIN contents ON trace = id"
-                if any(
-                    content is None or hashlib.sha256(content).hexdigest() != sha
-                    for sha, content in found.execute(asked)
-                ):
-                    words = "an upload that is not what it was"
-            if words != "ok":
+            words = _fault(found)
+            if words:
                 raise sqlite3.DatabaseError(words)
             jobs = dict(found.execute("SELECT state, count(*) FROM jobs GROUP BY state"))
             counts = {
@@ -77,6 +63,23 @@ def check(copy: Path) -> dict[str, int]:
             return {state: jobs.get(state, 0) for state in STATES} | counts
     except sqlite3.DatabaseError as error:
         raise _in_words(place, error) from None
+
+
+def _fault(copy: sqlite3.Connection) -> str:
+    """What is wrong with a copy; empty where nothing is."""
+    words = copy.execute("PRAGMA integrity_check(1)").fetchone()[0]
+    if words != "ok":
+        return words
+    tables = {name for (name,) in copy.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+    if not {"migrations", "jobs", "traces", "contents", "results"} <= tables:
+        return "a database of something else"
+    if copy.execute("SELECT max(number) FROM migrations").fetchone()[0] > len(STEPS):
+        return "tables of a later jshell"
+    if copy.execute("PRAGMA foreign_key_check").fetchone():
+        return "rows whose others are missing"
+    kept = copy.execute("SELECT sha256, content FROM traces LEFT JOIN contents ON trace = id")
+    sound = all(content is not None and hashlib.sha256(content).hexdigest() == sha for sha, content in kept)
+    return "" if sound else "an upload that is not what it was"
 
 
 def _copied(source: Path, target: Path) -> dict[str, int]:

@@ -15,7 +15,7 @@ from jshell.files import NamedBytes
 from jshell.service import batches
 from jshell.service.problems import Refused
 from jshell.service.safety import neutral_csv
-from jshell.service.schemas import Conditions, FitRequest, ModesRequest, SimulateRequest, finite
+from jshell.service.schemas import Conditions, FitRequest, JobOut, ModesRequest, SimulateRequest, finite
 from jshell.service.store import JobRow, Store
 from jshell.trace import Trace
 
@@ -47,19 +47,10 @@ def shown(job: JobRow) -> dict[str, Any]:
     links = {"self": address(job), "page": f"/{PLURAL[job.kind]}/{job.id}"}
     if job.state == "done":
         links |= {suffix: address(job, f".{suffix}") for suffix in FILES[job.kind]}
-    error = job.error
-    return {
-        "id": job.id,
-        "kind": job.kind,
-        "state": job.state,
-        "created": job.created,
-        "started": job.started,
-        "finished": job.finished,
-        "attempt": job.attempt,
-        "progress": job.progress,
+    return {name: getattr(job, name) for name in JobOut.model_fields if name != "links"} | {
         "traces": list(job.traces),
         "specification": finite(dict(job.specification)),
-        "error": None if error is None else error.words(),
+        "error": None if job.error is None else job.error.words(),
         "links": links,
     }
 
@@ -113,14 +104,8 @@ def fit_specification(options: FitRequest) -> dict[str, Any]:
 
 def simulator_specification(asked: SimulateRequest) -> dict[str, Any]:
     """What a worker is asked to simulate."""
-    return {
-        "model": "simulator",
-        "conditions": _conditions(asked),
-        "duration": asked.duration,
-        "every": EVERY,
-        "ramp": asked.ramp,
-        "elements": asked.elements,
-    }
+    options = {name: getattr(asked, name) for name in ("duration", "ramp", "elements")}
+    return {"model": "simulator", "conditions": _conditions(asked), "every": EVERY, **options}
 
 
 def modes_specification(asked: ModesRequest) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from starlette.exceptions import HTTPException
 
 from jshell.errors import JshellError
 from jshell.service.log import log, trace_of
+from jshell.service.rows import JobFailure
 
 MEDIA_TYPE = "application/problem+json"
 RETRY_AFTER = 5  # seconds after which a refused request may be worth another try
@@ -86,19 +87,14 @@ def brief(text: object) -> str:
 def problem(error: JshellError, path: str, more: Mapping[str, Any] = MappingProxyType({})) -> dict[str, Any]:
     """An error as a problem object of RFC 9457."""
     kind = KINDS.get(error.code, KINDS["bad_request"])
-    cause = f"found {error.found}; expected {error.expected}"
+    words = JobFailure(**error.record()).words()
     return {
         "type": f"/problems/{error.code}",
         "title": kind.title,
         "status": kind.status,
-        "detail": f"{error.place}: {cause}. {error.remedy}",
+        "detail": f"{error.place}: {words['cause']}. {error.remedy}",
         "instance": path,
-        "code": error.code,
-        "place": error.place,
-        "cause": cause,
-        "found": error.found,
-        "expected": error.expected,
-        "remedy": error.remedy,
+        **words,
         **more,
     }
 

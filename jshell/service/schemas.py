@@ -367,7 +367,7 @@ class Health(BaseModel):
     version: str
 
 
-class ProblemOut(BaseModel):
+class ProblemOut(Failure):
     """Problem details of RFC 9457, with the library's code, place, cause and remedy."""
 
     type: str
@@ -375,12 +375,6 @@ class ProblemOut(BaseModel):
     status: int
     detail: str
     instance: str
-    code: str
-    place: str
-    cause: str
-    found: str
-    expected: str
-    remedy: str
 
 
 def finite(value: Any) -> Any:

@@ -151,11 +151,7 @@ def content(database: Database, trace: str) -> bytes:
     Raises:
         NotFound: No such file.
     """
-    with database.reading() as connection:
-        found = connection.execute(sa.select(contents.c.content).where(contents.c.trace == trace)).scalar()
-    if found is None:
-        raise unknown(trace)
-    return bytes(found)
+    return files(database, [trace])[0][1]
 
 
 def files(database: Database, wanted: Sequence[str]) -> list[tuple[str, bytes]]:

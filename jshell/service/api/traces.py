@@ -1,6 +1,7 @@
 """Traces: uploaded, listed, looked into, given back."""
 
-from typing import Annotated, Any, no_type_check
+from collections.abc import Callable
+from typing import Annotated, Any, TypeVar, no_type_check
 
 import numpy as np
 from fastapi import APIRouter, File, Form, Response, UploadFile
@@ -10,7 +11,7 @@ from pydantic import FiniteFloat, TypeAdapter, ValidationError
 from jshell.errors import BadValue, JshellError
 from jshell.io import Reading
 from jshell.service.api.answers import ONCE, Before, Limit, Name, binary, problem_responses
-from jshell.service.problems import brief, problem
+from jshell.service.problems import brief
 from jshell.service.reading import (
     UPLOAD_SLOTS,
     TraceContent,
@@ -21,12 +22,14 @@ from jshell.service.reading import (
     settled,
     with_conditions,
 )
+from jshell.service.rows import JobFailure
 from jshell.service.safety import attachment, clean_name
 from jshell.service.schemas import ReadingFields, TraceOut, TracePage, TraceRead
 from jshell.service.state import Here
 from jshell.service.uploads import TraceRow
 
 router = APIRouter(prefix="/traces", tags=["traces"])
+Made = TypeVar("Made")
 _numbers = TypeAdapter(dict[str, FiniteFloat])
 _fields = TypeAdapter(ReadingFields)
 
@@ -104,14 +107,7 @@ def numbers(text: str) -> dict[str, float]:
     Raises:
         BadValue: Not an object of numbers.
     """
-    expected = '{"d_hat": 0.22, …}'
-    try:
-        return _numbers.validate_python(json_field("conditions", text, expected))
-    except ValidationError:
-        raise BadValue(
-            "conditions", found=f"{brief(text)} (no JSON object of finite numbers)", expected=expected,
-            remedy="Write names and numbers.",
-        ) from None  # fmt: skip
+    return _field("conditions", text, '{"d_hat": 0.22, …}', "Write names and finite numbers.", _numbers.validate_python)
 
 
 def choices(text: str) -> Reading:
@@ -120,14 +116,18 @@ def choices(text: str) -> Reading:
     Raises:
         BadName, BadValue: Not an object of its fields.
     """
-    expected = '{"columns": {"t": "Time"}, …}'
+    make = lambda found: Reading.from_record(_fields.validate_python(found))  # noqa: E731
+    return _field("reading", text, '{"columns": {"t": "Time"}, …}', "Write the fields of `jshell.io.Reading`.", make)
+
+
+def _field(place: str, text: str, expected: str, remedy: str, make: Callable[[Any], Made]) -> Made:
+    """What is made of the JSON in a field of a form."""
+    found = json_field(place, text, expected)
     try:
-        return Reading.from_record(_fields.validate_python(json_field("reading", text, expected)))
+        return make(found)
     except (ValidationError, TypeError) as error:
-        raise BadValue(
-            "reading", found=f"{brief(text)} ({brief(str(error))})", expected=expected,
-            remedy="Write the fields of `jshell.io.Reading`.",
-        ) from None  # fmt: skip
+        words = f"{brief(text)} ({brief(str(error))})"
+        raise BadValue(place, found=words, expected=expected, remedy=remedy) from None
 
 
 def row_out(row: TraceRow) -> dict[str, Any]:
@@ -158,7 +158,6 @@ def read_out(row: TraceRow, found: TraceContent) -> dict[str, Any]:
 
 def unread(row: TraceRow, error: JshellError) -> dict[str, Any]:
     """Fields of `TraceRead` of a file that cannot be read by itself."""
-    rendered = problem(error, "")
     blank = dict.fromkeys(("samples", "duration", "conditions", "scales", "loss"))
-    words = {name: rendered[name] for name in ("code", "place", "cause", "found", "expected", "remedy")}
+    words = JobFailure(**error.record()).words()
     return row_out(row) | blank | {"channels": [], "sigma": [], "units": {}, "warnings": [], "error": words}
