@@ -7,6 +7,8 @@ from urllib.parse import quote, urlsplit
 
 import pytest
 
+pytestmark = pytest.mark.long
+
 HEADER = "".join(f"# {key}\n" for key in ("d_hat: 0.22", "P0_hat: 0.9", "Pext_hat: 1.62", "eta_hat: 0.004"))
 SMALL = (HEADER + "t,V,S\n" + "".join(f"{k},{3 + 0.01 * (k % 7)},12.5\n" for k in range(40))).encode()
 NAMES = (
