@@ -24,6 +24,19 @@ ROWS = 1_000_000
 SUFFIXES = (".csv", ".tsv", ".json", ".nc", ".mat", ".npz")
 
 
+LABVIEW = [
+    "LabVIEW Measurement\t", "Writer_Version\t2", "Separator\tTab", "Decimal_Separator\t,", "X_Columns\tOne",
+    "***End_of_Header***\t", "\t", "Channels\t2\t\t", "Y_Unit_Label\tVolts\tVolts\t", "X0\t0,0\t0,0\t",
+    "Delta_X\t0,001\t0,001\t", "***End_of_Header***\t\t\t", "X_Value\tA_0\tA_1\tComment",
+]  # fmt: skip
+SCOPE = {
+    1: ("Sample Interval", "4e-5"),
+    6: ("Source", "CH1"),
+    7: ("Vertical Units", "V"),
+    10: ("Horizontal Units", "s"),
+}
+
+
 def trace(rows: int) -> js.Trace:
     """A damped signal of two modes about the rest state of R, with noise."""
     rng = np.random.default_rng(0)
@@ -79,6 +92,10 @@ JOBS: dict[str, tuple[str, Callable[[Path], object]]] = {
     "read a table of blanks": (".blanks.dat", io.read_trace),
     "read .csv with dates for times": (".dates.csv", told),
     "read .csv with gaps, left out": (".gaps.csv", lambda path: told(path, missing="drop")),
+    "read .csv in UTF-16": (".utf16.csv", told),
+    "read .csv in Latin-1": (".latin.csv", told),
+    "read .lvm with decimal commas": (".lvm", told),
+    "read an oscilloscope's .csv, its head beside the rows": (".scope.csv", told),
     "refuse .csv for its last row": (".spoiled.csv", read_spoiled),
     "numpy.loadtxt of .csv": (".csv", lambda path: np.loadtxt(path, delimiter=",", skiprows=8)),
     "pandas.read_csv of .csv": (".csv", pandas),
@@ -121,6 +138,12 @@ def write(folder: Path, stem: str, rows: int) -> None:
         for k, cell in enumerate(cells)
     ]
     (folder / f"{stem}.thousands.csv").write_text("\n".join(["t;mine", *long]))
+    (folder / f"{stem}.utf16.csv").write_text("\n".join(lines), encoding="utf-16")
+    (folder / f"{stem}.latin.csv").write_text("\n".join(["% Gerät", *head[-1:], *rows]), encoding="latin-1")
+    tabs = [row.replace(".", ",") for row in ("\t".join(cell) + "\t" for cell in cells)]
+    (folder / f"{stem}.lvm").write_text("\n".join([*LABVIEW, *tabs]))
+    beside = [",".join((*SCOPE.get(k, ("", "")), "", *cell[:2])) + "," for k, cell in enumerate(cells)]
+    (folder / f"{stem}.scope.csv").write_text("\n".join(beside))
     commas = [line if line.startswith("#") else line.replace(",", ";").replace(".", ",") for line in lines]
     (folder / f"{stem}.commas.csv").write_text("\n".join(commas))
 

@@ -12,7 +12,9 @@ import numpy as np
 import scipy.optimize
 from jaxtyping import Float
 
-from jshell.camera.frames import EXTRA, one_picture, open_film
+from jshell.camera.forms import EXTRA
+from jshell.camera.frames import open_film
+from jshell.camera.pictures import one_picture
 from jshell.errors import BadValue, require_extra
 
 FEWEST = 12  # dots of a grid
@@ -47,6 +49,10 @@ class Lens:
             true = seen / (1 + self.k1 * true**2 + self.k2 * true**4)
         ratio = np.divide(true, seen, out=np.ones_like(seen), where=seen > 0)
         return np.array(self.middle) + self.radius * away * ratio[:, None]
+
+    def seen(self, points: Float[np.ndarray, "points 2"]) -> Float[np.ndarray, "points 2"]:
+        """Where the picture shows points that are given without distortion."""
+        return bent(points, np.array(self.middle), self.radius, self.k1, self.k2)
 
 
 def bent(

@@ -80,7 +80,8 @@ def end(outline: Outline, along: Float[np.ndarray, "2"]) -> End:
     if found is None or abs(found.end.value - highest) > depth + gap / 4:  # no end: the picture's border, a corner
         return End(highest, outline.sigma)
     # what neither form describes is an error as well
-    worse = max(1.0, found.left / (LOOSE * outline.sigma**2))
+    allowed = LOOSE * outline.sigma**2
+    worse = max(1.0, found.left / allowed) if allowed > 0 else 1.0  # a picture drawn without noise has none
     return End(found.end.value, found.end.sigma * float(np.sqrt(worse)))
 
 

@@ -12,6 +12,7 @@ from jaxtyping import Float
 
 from jshell.errors import BadFile
 
+EXTRA = "camera"  # what brings the libraries
 MOST_PIXELS = 2**26  # of one frame
 MOST_FRAMES = 10**6
 

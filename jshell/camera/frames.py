@@ -1,27 +1,26 @@
-"""A film is opened by its suffix: TIFF stacks and folders of pictures here, in the order of their names."""
+"""A film is opened by its suffix: TIFF stacks here."""
 
-import re
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
-from jshell.camera.forms import Film, check_form, grey, white_of
+from jshell.camera.forms import EXTRA, Film, check_form, grey, white_of
 from jshell.camera.high_speed import HEADERS, phantom, photron
+from jshell.camera.pictures import folder, packed
 from jshell.camera.videos import VIDEOS, video
 from jshell.errors import BadFile, BadName, require_extra
 from jshell.io.files import SPOILED, check_file, spoiled
 
-EXTRA = "camera"
 STACKS = (".tif", ".tiff")
-PICTURES = (".png", ".tif", ".tiff", ".bmp", ".pgm")
+FILMS = (*STACKS, *VIDEOS, ".cine")  # of one file
 
 
 def open_film(path: str | Path) -> Film:
     """A film, of which nothing but its form has been read.
 
     Args:
-        path: A TIFF stack, a folder of PNG or TIFF pictures, a video (`.avi`, `.mp4`, …), or the film of a
+        path: A TIFF stack, a folder or a .zip of PNG or TIFF pictures, a video (`.avi`, `.mp4`, …), or the film of a
             high-speed camera: Photron's `.cihx` or `.cih` with `.mraw`, Phantom's `.cine`.
 
     Raises:
@@ -31,15 +30,15 @@ def open_film(path: str | Path) -> Film:
     """
     path = Path(path)
     if path.is_dir():
-        return _folder(path)
+        return folder(path)
     check_file(path)
     readers = dict.fromkeys(STACKS, _stack) | dict.fromkeys(VIDEOS, video) | dict.fromkeys(HEADERS, photron)
-    reader = (readers | {".cine": phantom}).get(path.suffix.lower())
+    reader = (readers | {".cine": phantom, ".zip": packed}).get(path.suffix.lower())
     if reader is None:
         raise BadName(
             str(path),
             found=f"the suffix {path.suffix}",
-            expected="a folder of pictures, or one of " + ", ".join((*readers, ".cine")),
+            expected="a folder of pictures, or one of " + ", ".join((*readers, ".cine", ".zip")),
             remedy="Export the film as a TIFF stack or as numbered PNG pictures; ImageJ and ffmpeg do.",
         )
     return reader(path)
@@ -89,55 +88,3 @@ def _imagej_times(told: object, count: int) -> Float[np.ndarray, "frames"] | Non
     if not seconds or not isinstance(step, int | float) or not 0 < step < np.inf:
         return None
     return float(step) * np.arange(count)
-
-
-def _folder(path: Path) -> Film:
-    library = require_extra("PIL.Image", EXTRA, "pictures")
-    names = sorted((one for one in path.iterdir() if one.suffix.lower() in PICTURES), key=_numbered)
-    if not names:
-        raise BadFile(
-            str(path),
-            found="no pictures",
-            expected="pictures " + ", ".join(PICTURES),
-            remedy="Name the folder that holds the frames.",
-        )
-
-    def raw(number: int) -> np.ndarray:
-        place = str(names[number])
-        try:
-            with library.open(names[number]) as picture:
-                check_form(place, len(names), picture.size)
-                return np.asarray(picture)
-        except BadFile:
-            raise
-        except (*SPOILED, library.DecompressionBombError, library.DecompressionBombWarning) as error:
-            raise spoiled(place, "picture", error) from None
-
-    first = raw(0)
-    shape = (int(first.shape[0]), int(first.shape[1]))
-    read = lambda number: grey(str(names[number]), raw(number), shape)  # noqa: E731
-    return Film(str(path), len(names), shape, white_of(first.dtype, float(first.max())), read)
-
-
-def _numbered(path: Path) -> tuple[list[int], str]:
-    """Pictures in the order of the numbers in their names: 2 before 10."""
-    return [int(part) for part in re.findall(r"\d{1,18}", path.stem)], path.name
-
-
-def one_picture(path: Path) -> Float[np.ndarray, "rows columns"]:
-    """A single picture as grey values.
-
-    Raises:
-        BadFile: No picture, or too large.
-        MissingExtra: The extra `camera` is not installed.
-    """
-    check_file(path)
-    library = require_extra("PIL.Image", EXTRA, "pictures")
-    try:
-        with library.open(path) as picture:
-            check_form(str(path), 1, picture.size)
-            return grey(str(path), np.asarray(picture))
-    except BadFile:
-        raise
-    except (*SPOILED, library.DecompressionBombError, library.DecompressionBombWarning) as error:
-        raise spoiled(str(path), "picture", error) from None

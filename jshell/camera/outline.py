@@ -14,7 +14,7 @@ import scipy.ndimage
 import scipy.special
 from jaxtyping import Bool, Float
 
-from jshell.camera.frames import EXTRA
+from jshell.camera.forms import EXTRA
 from jshell.errors import require_extra
 
 SMOOTHING = 1.0  # px

@@ -16,7 +16,7 @@ import scipy.special
 from jaxtyping import Float, UInt16
 
 from jshell.camera.distortion import bent
-from jshell.camera.frames import EXTRA
+from jshell.camera.forms import EXTRA
 from jshell.errors import require_extra
 
 FINE = 4  # points to a pixel's side, in which an outline is drawn

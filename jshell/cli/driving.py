@@ -2,7 +2,7 @@
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -86,8 +86,10 @@ ReynoldsLaw = Annotated[
 ]
 
 
-def outer_pressure(path: Path | None, problem: Problem) -> tuple | None:
+def outer_pressure(path: Path | None, problem: Problem, reading: dict[str, Any] | None = None) -> tuple | None:
     """Times and outer pressure of a table, without units; None without a file.
+
+    `reading` is what the table leaves open, as the verbs that read traces take it.
 
     A table in SI needs no header where the command line's conditions are in SI; if it has one, the two must agree.
 
@@ -103,7 +105,7 @@ def outer_pressure(path: Path | None, problem: Problem) -> tuple | None:
 
         given = {key: float(value) for key, value in si_pairs(problem.conditions, problem.scales)}
         meta = NamedBytes("conditions.json", json.dumps(given).encode())
-    trace = jshell.io.read_trace(path, meta=meta)
+    trace = jshell.io.read_trace(path, meta=meta, **(reading or {}))
     if problem.scales is None and trace.conditions is None and trace.scales is not None:  # it was read in SI
         raise BadUnits(
             str(path),
@@ -116,7 +118,7 @@ def outer_pressure(path: Path | None, problem: Problem) -> tuple | None:
             str(path),
             found="the columns t, " + ", ".join(trace.channels),
             expected="the columns t and P_ext",
-            remedy="Name the outer pressure P_ext.",
+            remedy="Name the outer pressure P_ext, or say `--pressure-columns t=1,P_ext=2`.",
         )
     return trace.times, trace["P_ext"]
 

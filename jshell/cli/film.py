@@ -12,13 +12,11 @@ from jshell.cli.output import Json, finish, log, say, speaking
 from jshell.cli.traces import signature_table, told
 from jshell.errors import BadValue
 
-SHOWN = 6  # frames of the strip
-
 
 @speaking
 def film(
     path: Annotated[
-        Path, typer.Argument(help="TIFF stack, folder of PNG or TIFF pictures, video, .cihx with .mraw, or .cine.")
+        Path, typer.Argument(help="TIFF stack, folder or .zip of pictures, video, .cihx with .mraw, or .cine.")
     ],
     rate: Annotated[float | None, typer.Option(help="Frames per second; without it, the film's own.")] = None,
     pixel: Annotated[float | None, typer.Option(help="Size of a pixel at the shell [m]; without it, pixels.")] = None,
@@ -54,7 +52,7 @@ def film(
         camera.write_outlines(contours, found)
         log(f"wrote {contours}")
     if overlay is not None:
-        _strip(path, found, overlay)
+        jshell.plot.save(jshell.plot.outlines(path, found, lens), overlay)
         log(f"wrote {overlay}")
     record: dict[str, Any] = {"frames": len(found.outlines), "axis": found.axis, "warnings": list(found.warnings)}
     record |= {"lens": None if lens is None else {"k1": lens.k1, "k2": lens.k2, "rms": lens.rms}}
@@ -93,20 +91,3 @@ def _box(text: str | None) -> tuple[int, int, int, int] | None:
         raise BadValue("--holder", found=repr(text), expected="TOP:BOTTOM:LEFT:RIGHT", remedy="Count pixels from 0.")
     top, bottom, left, right = map(int, parts)
     return top, bottom, left, right
-
-
-def _strip(path: Path, found: "jshell.camera.Filmed", out: Path) -> None:
-    """A few frames beside each other, with the outline that was found."""
-    pictures = jshell.plot
-    with jshell.camera.open_film(path) as shown:
-        chosen = np.unique(np.linspace(0, shown.count - 1, SHOWN).astype(int))
-        figure = pictures.new_figure((2.0 * len(chosen), 2.2))
-        for place, number in enumerate(chosen, 1):
-            ax = figure.add_subplot(1, len(chosen), place)
-            ax.imshow(shown.read(int(number)), cmap="gray")
-            outline = found.outlines[int(number)]
-            if outline is not None:
-                ax.plot(*outline.points.T, color="tab:orange", linewidth=0.8)
-            ax.set_title(f"frame {number + 1}", fontsize=8)
-            ax.set_axis_off()
-        pictures.save(figure, out)

@@ -19,18 +19,24 @@ _SHOWN = 24  # columns and lines that are shown
 GAP = 1.5  # steps between two rows that make a gap
 
 
-def _option(words: str, *names: str) -> Any:
-    return typer.Option(*names, help=words, rich_help_panel=_PANEL)
-
-
-_OPTIONS: dict[str, tuple[Any, Any]] = {
-    "columns": (list[str] | None, _option("t=Time,H=3: columns by name or place; may be repeated.", "--columns")),
-    "units": (list[str] | None, _option("t=ms,H=mm: units of columns, `-` for none; may be repeated.", "--units")),
-    "rate": (float | None, _option("Samples per second; per unit of time without units.", "--rate")),
-    "time_from": (str | None, _option("What --rate counts: rows, or a column of frames.", "--time-from")),
-    "rows": (str | None, _option("FIRST:LAST row of numbers, as a spreadsheet counts lines.", "--rows")),
-    "missing": (str | None, _option("Rows with gaps: refuse, or drop.", "--missing")),
+_OPTIONS: dict[str, tuple[Any, str]] = {
+    "columns": (list[str] | None, "t=Time,H=3: columns by name or place; may be repeated."),
+    "units": (list[str] | None, "t=ms,H=mm: units of columns, `-` for none; may be repeated."),
+    "rate": (float | None, "Samples per second; per unit of time without units."),
+    "time_from": (str | None, "What --rate counts: rows, or a column of frames."),
+    "rows": (str | None, "FIRST:LAST row of numbers, as a spreadsheet counts lines."),
+    "missing": (str | None, "Rows with gaps: refuse, or drop."),
 }
+
+
+def _option(name: str, prefix: str) -> tuple[Any, Any]:
+    """Type and declaration of an option."""
+    kind, words = _OPTIONS[name]
+    if prefix:
+        words = words.replace("H=", "P_ext=").replace("P_ext=mm", "P_ext=kPa").replace("--rate", "--pressure-rate")
+    shown = "--" + (prefix + name).replace("_", "-")
+    panel = f"{_PANEL} (--pressure-file)" if prefix else _PANEL
+    return kind, typer.Option(shown, help=words, rich_help_panel=panel)
 
 
 def takes_reading(verb: Callable[..., None]) -> Callable[..., None]:
@@ -38,10 +44,22 @@ def takes_reading(verb: Callable[..., None]) -> Callable[..., None]:
 
     Where the options of a fit have a choice of `missing` already, it is that one.
     """
+    return _taking(verb, "")
+
+
+def takes_reading_of_pressure(verb: Callable[..., None]) -> Callable[..., None]:
+    """Give a verb the same options for its table of outer pressure: `--pressure-columns` and its like."""
+    return _taking(verb, "pressure_")
+
+
+def _taking(verb: Callable[..., None], prefix: str) -> Callable[..., None]:
+    """A verb with the options, their names behind a prefix."""
     own = inspect.signature(verb)
-    names = [name for name in _OPTIONS if name not in own.parameters]
+    names = [name for name in _OPTIONS if prefix or name not in own.parameters]
     added = [
-        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Annotated[_OPTIONS[name]])
+        inspect.Parameter(
+            prefix + name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Annotated[_option(name, prefix)]
+        )
         for name in names
     ]
     kept = [one.replace(kind=inspect.Parameter.KEYWORD_ONLY) for one in own.parameters.values()]
@@ -50,8 +68,9 @@ def takes_reading(verb: Callable[..., None]) -> Callable[..., None]:
 
     @functools.wraps(verb)
     def wrapped(**given: Any) -> None:
-        said = {name: given.pop(name) for name in names}
-        said = {name: given.get(name) for name in _OPTIONS if name in own.parameters} | said
+        said = {name: given.pop(prefix + name) for name in names}
+        if not prefix:
+            said = {name: given.get(name) for name in _OPTIONS if name in own.parameters} | said
         verb(**given, reading=reading_of(said))
 
     wrapped.__signature__ = own.replace(parameters=together)  # pyright: ignore[reportAttributeAccessIssue]

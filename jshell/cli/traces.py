@@ -31,7 +31,7 @@ from jshell.cli.driving import (
 )
 from jshell.cli.output import Json, finish, judged, log, say, speaking, table
 from jshell.cli.problem import Problem, with_conditions
-from jshell.cli.reading import takes_reading
+from jshell.cli.reading import takes_reading, takes_reading_of_pressure
 from jshell.cli.statics import Attached, Elements, Spot, weak_spot
 from jshell.errors import BadUnits, BadValue, Outcome, choose
 
@@ -42,6 +42,7 @@ LONG = 400  # samples that make a run worth a progress bar
 
 @speaking
 @with_conditions
+@takes_reading_of_pressure
 def simulate(
     problem: Problem,
     out: Annotated[Path, typer.Option("--out", help="Trace to write: .csv, .tsv, .json, .nc, .mat, .npz.")],
@@ -63,6 +64,7 @@ def simulate(
         float, typer.Option("--shell-density", help="Density of the wall over the liquid's; the source has none.")
     ] = 0.0,
     pressure_file: PressureFile = None,
+    reading: Any = None,
     tone: ToneOption = None,
     burst: Burst = None,
     burst_start: BurstStart = 0.0,
@@ -100,7 +102,7 @@ def simulate(
             "--units si", found="conditions without units", expected="SI conditions", remedy="Give --r0 and its kin."
         )
     writable(checkpoint, "--checkpoint")
-    pressure, added = outer_pressure(pressure_file, problem), forcing(tone, burst, burst_start)
+    pressure, added = outer_pressure(pressure_file, problem, reading), forcing(tone, burst, burst_start)
     lost = losses(stokes, stokes_frequency, bulk, wall_dilatation, retardation, reynolds, order)
     if not quiet:
         log(f"simulating {duration:g} time units on {elements} elements")

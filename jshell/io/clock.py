@@ -16,7 +16,8 @@ from jshell.io.sheets import Sheet, listed
 from jshell.io.units import PURE
 
 TIME_NAMES = re.compile(
-    r"(?:time|times|t|zeit|temps|tempo|tiempo|tijd|elapsed time|relative time|time elapsed|x_value|x-axis|x axis"
+    r"(?:time|times|t|zeit|uhrzeit|zeitpunkt|temps|heure|tempo|ora|hora"
+    r"|tiempo|tijd|elapsed time|relative time|time elapsed|x_value|x-axis|x axis"
     r"|timestamp|time ?stamp|date ?/?-?_?time|clock)(?:[ _]?(?P<unit>s|ms|us|µs|ns|min))?",
     re.IGNORECASE,
 )
@@ -27,7 +28,8 @@ _NICE = (1, 2, 3, 4, 5)  # digits that a step is first tried with
 
 def timed(sheet: Sheet, reading: Reading, dimensional: bool) -> Sheet:
     """The sheet with a column `t`."""
-    unit = "s" if dimensional or any(one not in (None, PURE) for one in sheet.units) else None
+    given = [one for name, one in reading.units.items() if name != "t"]
+    unit = "s" if dimensional or any(one not in (None, PURE) for one in (*sheet.units, *given)) else None
     if reading.rate is not None:
         return _at_rate(sheet, reading, reading.rate, unit)
     if reading.time_from is not None and reading.time_from != ROWS:

@@ -118,6 +118,54 @@ def read_text(source: Source) -> str:
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
+MOST_FOREIGN = 0.2  # of a text's bytes beyond ASCII: more are no instrument's µ and °
+_PROBE = 4096  # bytes that tell UTF-16 without a mark
+
+
+def in_utf8(file: NamedBytes) -> tuple[NamedBytes, str | None]:
+    """A text in UTF-8, whatever Windows' programs have written, and what it was taken for; None where it is UTF-8.
+
+    UTF-16 is told by its mark, or by zeros at every other byte. What is no UTF-8 but plain text beside a few letters
+    is Windows-1252, of which Latin-1 is a part. Anything else stays as it is, for the reader to place its refusal.
+
+    Source     Unicode Standard 3.10 (byte order marks); WHATWG Encoding, windows-1252
+    """
+    raw = bytes(file.content)
+    if raw.isascii() and b"\0" not in raw[:_PROBE]:
+        return file, None
+    codec = _utf16(raw)
+    if codec is None:
+        try:
+            raw.decode("utf-8")
+            return file, None
+        except UnicodeDecodeError:
+            plain = raw.translate(None, bytes(range(0x80, 0x100)))
+            control = plain.translate(None, bytes(range(0x20, 0x80)) + b"\t\n\r\f")
+            if control or len(plain) < (1 - MOST_FOREIGN) * len(raw):
+                return file, None
+            codec = "cp1252"
+    try:
+        text = raw.decode(codec)
+    except UnicodeDecodeError:
+        return file, None
+    words = "UTF-16" if codec != "cp1252" else "Windows-1252 (Latin-1)"
+    return NamedBytes(file.name, text.lstrip("\ufeff").encode()), f"the text is {words}"
+
+
+def _utf16(raw: bytes) -> str | None:
+    """The codec of a text in UTF-16; None where it is none."""
+    if raw.startswith((b"\xff\xfe\0\0", b"\0\0\xfe\xff")):  # UTF-32
+        return None
+    if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return "utf-16"
+    head = raw[: min(_PROBE, len(raw) // 2 * 2)]
+    first, second = head[::2], head[1::2]
+    zeros = first.count(0), second.count(0)
+    if 2 * max(zeros) <= len(first) or min(zeros):
+        return None
+    return "utf-16-le" if zeros[1] else "utf-16-be"
+
+
 def write_bytes(path: str | Path, content: bytes) -> None:
     """Write a file.
 
@@ -173,8 +221,8 @@ _SIGNATURES = (
     (b"\x93NUMPY", "a single NumPy array", "save named arrays with `numpy.savez`, or write CSV"),
     (b"TDSm", "an NI file", "rename it `.tdms`"),
     (b"CDF", "a classic NetCDF file", "convert it with `nccopy -k nc4`, and name it `.nc`"),
-    (b"\xff\xfe", "text in UTF-16", "save it as CSV in UTF-8"),
-    (b"\xfe\xff", "text in UTF-16", "save it as CSV in UTF-8"),
+    (b"\xff\xfe", "a text in UTF-16 or UTF-32 that breaks off", "save it as CSV in UTF-8"),
+    (b"\xfe\xff", "a text in UTF-16 that breaks off", "save it as CSV in UTF-8"),
     (b"\x1f\x8b", "a gzip archive", "unpack it first"),
 )
 

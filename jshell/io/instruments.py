@@ -15,7 +15,7 @@ from jshell.files import NamedBytes
 from jshell.io.layout import EMPTY, NUMBERS, WORDS, Layout, lines, split
 from jshell.io.notes import even_of
 from jshell.io.sheets import Even
-from jshell.io.titles import Titles
+from jshell.io.titles import Titles, parted
 
 _MAKERS = (  # what stands in the first lines, and whose file it is then
     (r"LECROY", "LeCroy"),
@@ -90,9 +90,9 @@ def _rigol_line(file: NamedBytes, layout: Layout, above: Above) -> Known | None:
         return None
     size = len(layout.kinds)
     names = [cell for cell in cells if cell and not _TWICE.fullmatch(cell)]
-    parted = [(name[:-1], "V") if re.fullmatch(r"CH\d+V|D\d+V", name) else (name, None) for name in names]
-    parted += [("", None)] * size
-    names, units = tuple(one[0] for one in parted[:size]), tuple(one[1] for one in parted[:size])
+    pairs = [(name[:-1], "V") if re.fullmatch(r"CH\d+V|D\d+V", name) else parted(name) for name in names]
+    pairs += [("", None)] * size
+    names, units = tuple(one[0] for one in pairs[:size]), tuple(one[1] for one in pairs[:size])
     return Known("Rigol", Titles(names, units, number, number), even_of(told))
 
 

@@ -25,6 +25,7 @@ from jshell.io.numerals import is_gap, is_number, is_time
 BLANKS = " "
 MARKS = (",", ";", "\t", "|", BLANKS)
 NUMBERS, TIMES, WORDS, EMPTY = "numbers", "times", "words", "empty"
+LABVIEW = b"LabVIEW Measurement"
 LONGEST = 200_000  # characters of a line
 MOST = 100_000  # lines above the numbers
 SAMPLE = 1 << 16  # bytes that are looked at
@@ -99,6 +100,7 @@ def laid_out(file: NamedBytes, first: int | None = None) -> Layout | None:
         return None
     mark, kinds = found[1], found[2]
     above: list[tuple[int, str]] = []
+    head = _labview_head(file)
     for number, line in enumerate(lines(file), 1):
         if line[0] == "#" and len(line) <= LONGEST and number <= MOST and "\0" not in line:
             above.append((number, line.strip("\n")))
@@ -107,10 +109,19 @@ def laid_out(file: NamedBytes, first: int | None = None) -> Layout | None:
         bare = line.strip("\n")
         if not bare.strip() or _SEP.fullmatch(bare.strip()):
             continue
-        if not is_comment(bare, mark) and is_row(split(bare, mark), kinds):
+        if number > head and not is_comment(bare, mark) and is_row(split(bare, mark), kinds):
             return Layout(mark, kinds, number if first is None else max(first, number), tuple(above))
         above.append((number, bare))
     return None
+
+
+def _labview_head(file: NamedBytes) -> int:
+    """The line that ends the second head of a LabVIEW file, whose keys have numbers beside them; 0 of any other."""
+    found = (
+        list(islice(lines(file), 100)) if bytes(file.content[:200]).lstrip(b"\xef\xbb\xbf").startswith(LABVIEW) else []
+    )
+    ends = [number for number, line in enumerate(found, 1) if line.startswith("***End_of_Header***")]
+    return ends[1] if len(ends) > 1 else 0
 
 
 def _check_line(file: NamedBytes, number: int, line: str) -> None:
@@ -138,13 +149,16 @@ def is_row(cells: Sequence[str], kinds: Sequence[str]) -> bool:
         next(k for k in kinds[::-1] if k != EMPTY)
     ):
         return False
-    seen = False
+    seen, gaps, beside = False, False, False
     for cell, kind in zip(cells, kinds, strict=False):
         good = is_number(cell) if kind == NUMBERS else is_time(cell) if kind == TIMES else True
         if not good and not is_gap(cell):
             return False
+        gaps |= not good
+        beside |= kind == EMPTY and bool(cell)
         seen |= good and kind in (NUMBERS, TIMES)
-    return seen
+    # a key with its value, above a table whose column of that place is empty, leaves others without numbers
+    return seen and not (gaps and beside)
 
 
 def _sample(file: NamedBytes) -> list[str]:

@@ -99,7 +99,10 @@ def even_of(told: dict[str, tuple[str, str]]) -> Even | None:
 
 def _seconds(told: dict[str, tuple[str, str]], key: str, *, inverse: bool = False) -> float | None:
     """A time that is told, in seconds; of a rate, one over it."""
-    found = None if key not in told else _VALUE.fullmatch(told[key][0])
+    text = told[key][0] if key in told else ""
+    if text.count(",") == 1 and "." not in text:  # a step is never in thousands
+        text = text.replace(",", ".")
+    found = _VALUE.fullmatch(text)
     if found is None:
         return None
     number, unit = float(found[1]), found[len(found.groups())]

@@ -16,7 +16,7 @@ from jshell.errors import BadFile, BadName, BadValue
 from jshell.files import NamedBytes
 from jshell.io.choices import Reading
 from jshell.io.clock import TIME_NAMES
-from jshell.io.files import read_text
+from jshell.io.files import in_utf8, read_text
 from jshell.io.instruments import recognise
 from jshell.io.layout import BLANKS, EMPTY, NUMBERS, TIMES, WORDS, Layout, is_comment, laid_out, lines, split
 from jshell.io.notes import header_notes
@@ -36,6 +36,7 @@ def read(file: NamedBytes, choices: Reading, required: Sequence[str] = ()) -> Sh
         BadFile: Not a file of columns: no text, no rows, ragged rows, repeated names, words for numbers.
         BadValue: A cell that is NaN or infinite, unless such rows are to be dropped.
     """
+    file, encoded = in_utf8(file)
     try:
         layout = laid_out(file, choices.rows[0])
     except UnicodeDecodeError:
@@ -56,6 +57,8 @@ def read(file: NamedBytes, choices: Reading, required: Sequence[str] = ()) -> Sh
     said = (
         [] if marks.thousands == "" else [f"`{marks.thousands}` parts thousands, `{marks.decimal}` is the decimal mark"]
     )
+    if encoded is not None:
+        said.append(encoded)
     units = ["s" if layout.kinds[k] == TIMES else unit for k, unit in enumerate(titles.units)]
     for k in kept:
         bare = units[k] is None and titles.names[k] != "t" and TIME_NAMES.fullmatch(titles.names[k])

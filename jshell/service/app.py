@@ -18,7 +18,7 @@ import jshell
 from jshell.errors import JshellError
 from jshell.oscillator import SOURCE, decay_by_law
 from jshell.service import reduced, safety, shape
-from jshell.service.api import health, jobs, simulate, traces
+from jshell.service.api import films, health, jobs, simulate, traces
 from jshell.service.problems import KINDS, answer, render_errors
 from jshell.service.schemas import ProblemOut
 from jshell.service.settings import Settings
@@ -63,7 +63,7 @@ def create_app(settings: Settings, store: Store, worker: Worker | None = None) -
     formparsers.parse_options_header = _with_long_names
     service = Service(settings, store, Metrics())
     app.state.service = service
-    for router in (traces.router, jobs.router, simulate.router):
+    for router in (traces.router, jobs.router, films.router, simulate.router):
         app.include_router(router, prefix=API)
     app.include_router(health.router)
     pages.mount(app)

@@ -27,7 +27,14 @@ from jshell.shell import Reduced
 from jshell.trace import Trace
 
 LOCAL = "http://127.0.0.1:8765"
-PLURAL = {"fit": "fits", "batch": "batches", "simulate": "simulations", "modes": "modes"}
+PLURAL = {
+    "fit": "fits",
+    "batch": "batches",
+    "simulate": "simulations",
+    "modes": "modes",
+    "look": "looks",
+    "film": "films",
+}
 OVER = ("done", "failed", "cancelled")
 Data = str | Path | Trace
 

@@ -15,22 +15,32 @@ from jshell.files import NamedBytes
 from jshell.service import batches
 from jshell.service.problems import Refused
 from jshell.service.safety import neutral_csv
-from jshell.service.schemas import Conditions, FitRequest, JobOut, ModesRequest, SimulateRequest, finite
+from jshell.service.schemas import Conditions, FilmOptions, FitRequest, JobOut, ModesRequest, SimulateRequest, finite
 from jshell.service.store import JobRow, Store
 from jshell.trace import Trace
 
-PLURAL = {"fit": "fits", "batch": "batches", "simulate": "simulations", "modes": "modes"}
+PLURAL = {
+    "fit": "fits",
+    "batch": "batches",
+    "simulate": "simulations",
+    "modes": "modes",
+    "look": "looks",
+    "film": "films",
+}
 FILES = {  # by suffix; table and report of a batch are made of its record when they are asked for
     "fit": {"json": "record.json", "csv": "table.csv", "nc": "record.nc", "txt": "report.txt"},
     "batch": {"npz": "record.npz", "csv": "table.csv", "txt": "report.txt"},
     "simulate": {"json": "trace.json", "csv": "trace.csv", "nc": "trace.nc"},
     "modes": {"json": "modes.json", "csv": "modes.csv"},
+    "look": {"json": "look.json", "png": "frame.png"},
+    "film": {"json": "film.json", "csv": "trace.csv", "nc": "outlines.nc", "png": "overlay.png"},
 }
 MEDIA = {
     "json": "application/json",
     "csv": "text/csv; charset=utf-8",
     "nc": "application/x-netcdf",
     "npz": "application/zip",
+    "png": "image/png",
     "txt": "text/plain; charset=utf-8",
 }
 EVERY = 0.1  # dimensionless time between the samples of a simulated trace
@@ -117,6 +127,11 @@ def modes_specification(asked: ModesRequest) -> dict[str, Any]:
     return {"conditions": _conditions(asked), **options, "azimuth": sorted(set(orders))}
 
 
+def film_specification(asked: FilmOptions, grid: bool) -> dict[str, Any]:
+    """What a worker is asked to measure in a film: only what differs from the usual."""
+    return asked.model_dump(mode="json", exclude_defaults=True) | ({"grid": True} if grid else {})
+
+
 def _conditions(asked: Conditions) -> dict[str, float]:
     return {name: getattr(asked, name) for name in Conditions.model_fields}
 
@@ -150,6 +165,17 @@ def modes_found(store: Store, job: str) -> list[dict[str, Any]]:
     return json.loads(store.result(job, "modes.json"))
 
 
+@functools.lru_cache(maxsize=8)
+def filmed(store: Store, job: str) -> Trace:
+    """The trace of a film that has been measured."""
+    return jshell.io.read_trace(NamedBytes("trace.json", store.result(job, "trace.json")))
+
+
+def film_found(store: Store, job: JobRow) -> dict[str, Any]:
+    """What a look at a film, or its measurement, has found: `look.json` or `film.json`."""
+    return json.loads(store.result(job.id, FILES[job.kind]["json"]))
+
+
 def profile_of(store: Store, job: JobRow) -> Mapping[str, Any] | None:
     """Profile intervals, where they were asked for."""
     if not job.specification.get("profile"):
@@ -173,6 +199,11 @@ def modes_shown(store: Store, job: JobRow) -> dict[str, Any]:
     return shown(job) | {"result": modes_found(store, job.id) if job.state == "done" else None}
 
 
+def film_shown(store: Store, job: JobRow) -> dict[str, Any]:
+    """A look at a film, or its measurement, with what was found, as the API shows it; fields of `FilmOut`."""
+    return shown(job) | {"result": finite(film_found(store, job)) if job.state == "done" else None}
+
+
 def summary(store: Store, job: JobRow) -> str:
     """What came of a job, in a few words; empty while nothing has."""
     if job.state == "failed" and job.error is not None:
@@ -189,6 +220,13 @@ def summary(store: Store, job: JobRow) -> str:
         if job.kind == "modes":
             heard = [one["omega"] for one in modes_found(store, job.id)]
             return "ω " + ", ".join("–" if omega is None else f"{omega:.3g}" for omega in heard)
+        if job.kind == "look":
+            seen = film_found(store, job)
+            return f"{seen['frames']} frames of {seen['rows']} × {seen['columns']}"
+        if job.kind == "film":
+            seen = film_found(store, job)
+            heard = [seen["signature"].get(name) for name in ("f_minus_Hz", "f_plus_Hz")]
+            return f"{seen['frames']} frames, " + ", ".join("–" if f is None else f"{f:.4g} Hz" for f in heard)
     except JshellError as error:
         return str(error)
     return "trace"

@@ -14,6 +14,7 @@ from jshell.calibration.data import usual_channels
 from jshell.errors import BadValue, JshellError
 from jshell.files import NamedBytes
 from jshell.io.choices import Reading
+from jshell.io.files import in_utf8
 from jshell.io.formats import FORMATS, READ_ONLY, read_sheet
 from jshell.io.headers import CONDITION_KEYS
 from jshell.io.tables import Understood, understood
@@ -183,7 +184,7 @@ def with_conditions(name: str, content: bytes, given: Mapping[str, float]) -> tu
         return name, content
     if file.suffix in TEXT or file.suffix not in FORMATS | READ_ONLY:
         head = "".join(f"# {key}: {value!r}\n" for key, value in given.items())
-        return name, head.encode() + content.removeprefix(b"\xef\xbb\xbf")
+        return name, head.encode() + bytes(in_utf8(file)[0].content).removeprefix(b"\xef\xbb\xbf")
     return _rewritten(name, found.trace)
 
 

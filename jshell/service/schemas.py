@@ -44,8 +44,10 @@ def _whole(value: Any) -> Any:
 
 Whole = Annotated[int, Field(strict=True), BeforeValidator(_whole)]
 Around = Annotated[Whole, Field(ge=0, le=HIGHEST_ORDER)]
+Pixel = Annotated[Whole, Field(ge=0, le=10**6)]
+Degrees = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0, le=180)]
 State = Literal["queued", "running", "done", "failed", "cancelled"]
-JobKind = Literal["fit", "batch", "simulate", "modes"]
+JobKind = Literal["fit", "batch", "simulate", "modes", "look", "film"]
 
 
 def _closed(schema: dict[str, Any]) -> None:
@@ -216,6 +218,21 @@ class ModesRequest(Conditions):
         return self
 
 
+class FilmOptions(Wire):
+    """What is known of a camera, as of `jshell.camera.View`."""
+
+    rate: Positive | None = Field(None, description="Frames per second; null: the film's own.")
+    pixel: Positive | None = Field(None, description="Size of a pixel at the shell [m]; null: lengths in pixels.")
+    bright: bool = Field(False, strict=True, description="The shell is brighter than what surrounds it.")
+    axis: Degrees | None = Field(90.0, description="Direction of the axis [degrees], 90 upright; null: look for it.")
+    holder: tuple[Pixel, Pixel, Pixel, Pixel] | None = Field(
+        None, description="First and last row, first and last column of what holds the shell, left out."
+    )
+    section: bool = Field(False, strict=True, description="The film shows a section along the axis.")
+    start: Number | None = Field(None, description="Start of the analysis [s].")
+    stop: Number | None = Field(None, description="End of the analysis [s].")
+
+
 class ReadingFields(TypedDict, total=False):
     """What a file leaves open, as of `jshell.io.Reading`."""
 
@@ -314,6 +331,12 @@ class ModesOut(JobOut):
     """Modes, once they are found: those that keep the axial symmetry, or rows of several orders."""
 
     result: list[OrderModeOut] | list[ModeOut] | None = None
+
+
+class FilmOut(JobOut):
+    """A film's measurement, or a look at one, with what was found."""
+
+    result: dict[str, Any] | None = None
 
 
 class TracePage(BaseModel):

@@ -37,7 +37,7 @@ from jshell.service.silence import Silence
 from jshell.service.tables import CANCELLED, DONE, FAILED, QUEUED, RUNNING, STATES, heartbeats, jobs, keys, results
 from jshell.service.uploads import TraceRow, Upload
 
-KINDS = ("fit", "batch", "simulate", "modes")
+KINDS = ("fit", "batch", "simulate", "modes", "look", "film")
 LAST = 2  # deaths of its worker after which a job lets all the others go first
 SILENCE = 15.0  # [s] without a heartbeat after which a job is given to another
 
@@ -118,7 +118,7 @@ class Store:
         a key the same request has the same answer, unless it was given up because its workers died: that is tried anew.
 
         Args:
-            kind: `fit`, `batch` or `simulate`.
+            kind: One of `KINDS`.
             specification: What is asked, as JSON.
             traces: Identifiers of uploads; or files, which are kept if the job is.
             key: The caller's own name of this request: sent again, it is the same job.

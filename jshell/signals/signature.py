@@ -22,6 +22,8 @@ from jshell.signals.waves_from_data import in_cells, model_orders, sound
 from jshell.trace import Trace
 
 FEWEST_SAMPLES = 32
+LOUDER = 2.0  # ratio of the noise of two channels, each over its scatter, from which they count by it
+QUIETEST = 1e-6  # noise that is taken for a channel's least, over the loudest's
 WITHOUT_V = ("H", "W", "S")  # taken together where V was not recorded
 MEASURED = ("V", "S", "H", "W")  # the shape's own measures: fitted by default, their amplitude ratios reported
 
@@ -223,6 +225,9 @@ def extract(
         place = found.ending.model.modes - 1
         endings[place] = search(endings[place].model, elapsed, even, endings[place].unknowns)
         found = replace(found, ending=endings[place], noise=residuals(even, endings[place], elapsed))
+    if (weighed := _weighed(found, elapsed, even)) is not found:
+        found = weighed
+        endings[found.ending.model.modes - 1] = found.ending
     every = tuple(damped_modes(one, elapsed, even, mean, scale) for one in endings)
     best = every[found.ending.model.modes - 1]
     errors = best.errors * _wider(found, float(np.median(np.diff(elapsed))))
@@ -292,6 +297,22 @@ def _fits(elapsed: np.ndarray, values: np.ndarray, drift: str) -> tuple[str, lis
     sure = good["constant"] - good[best] > TERM or not np.isfinite(good["constant"])
     chosen = best if sure else "constant"
     return chosen, tries[chosen]
+
+
+def _weighed(found: Judgement, elapsed: np.ndarray, values: np.ndarray) -> Judgement:
+    """The waves again where one channel is much noisier than another: each then counts by its own noise.
+
+    Channels of one scatter would else count alike, one of noise alone as much as one of signal alone.
+    """
+    level = np.array([one.level for one in found.noise])
+    level = np.maximum(level, QUIETEST * level.max())
+    if level.max() <= LOUDER * level.min():
+        return found
+    near = search(found.ending.model, elapsed, values / level[:, None], found.ending.unknowns)
+    if not sound(near, elapsed):
+        return found
+    here = measured(near, elapsed, values)
+    return replace(found, ending=replace(here, covariance=near.covariance))
 
 
 def _wider(found: Judgement, step: float) -> np.ndarray:

@@ -15,7 +15,7 @@ from jshell.cli.problem import Problem
 from jshell.contour import meridian
 from jshell.dynamics import Losses
 from jshell.dynamics.run import Setup
-from jshell.errors import BadFile, BadName, BadUnits, BadValue
+from jshell.errors import BadFile, BadName, BadUnits, BadValue, GuessWarning, JshellError
 from jshell.io import read_trace
 from jshell.membrane import WallLoss
 from jshell.oscillator import Pulse, Reynolds, Sum, Tone
@@ -150,3 +150,27 @@ def test_a_pressure_in_si_is_read_by_the_conditions_of_the_command_line(tmp_path
 def test_an_option_without_meaning_is_refused_before_the_work(words, place, monkeypatch, tmp_path):
     found = answer(monkeypatch, *SHORT, "--out", tmp_path / "T.csv", *words, code=2)["error"]
     assert found["place"] == place
+
+
+def test_a_pressure_file_is_read_as_its_owner_says(monkeypatch, tmp_path):
+    file = tmp_path / "P.csv"
+    file.write_text("0;101,3\n1;120,5\n2;178,2\n")
+    shell = presets.preset("R-macro")  # in SI
+    problem = Problem(shell.conditions, shell.unit, True)
+    with pytest.raises(JshellError):
+        outer_pressure(file, problem)
+    said = {"columns": "P_ext=2", "units": "P_ext=kPa", "rate": 500.0}
+    with pytest.warns(GuessWarning, match="column 2 read as `P_ext`"):
+        times, pressure = outer_pressure(file, problem, said)
+    np.testing.assert_allclose(np.asarray(times) * shell.unit.time, [0, 0.002, 0.004])
+    np.testing.assert_allclose(np.asarray(pressure) * shell.unit.pressure, [101_300, 120_500, 178_200])
+    words = (*SHORT, "--out", tmp_path / "a.csv", "--pressure-file", file, "--pressure-columns", "t=1,P_ext=7")
+    wrong = answer_of_error(monkeypatch, *words)
+    assert "P_ext=7: found no such column" in wrong
+
+
+def answer_of_error(monkeypatch, *words) -> str:
+    monkeypatch.setattr("sys.argv", ["jshell", *map(str, words)])
+    result = runner.invoke(app, [str(word) for word in words])
+    assert result.exit_code != 0, result.output
+    return result.output + str(result.exception)

@@ -2,6 +2,7 @@
 
 import json
 import os
+import warnings
 import zipfile
 
 import numpy as np
@@ -198,11 +199,36 @@ MIXED = [
         "row 1: found 2 names over 4 .* Commas used as decimal points",
     ),
     ("header", "# d_hat: 0,22\nt;V\n0;3\n1;3\n", BadValue, "row 1, key `d_hat`: .* headers have no decimal commas"),
-    ("utf-16", "t,V\n0,3\n1,3\n".encode("utf-16"), BadFile, "text in UTF-16; .* save it as CSV in UTF-8"),
-    ("latin", "t [µs]\n".encode("latin-1"), BadFile, "row 1: found byte 0xb5"),
+    ("utf-16", "t,V\n0,3\n1,3\n".encode("utf-16")[:-1], BadFile, "UTF-16 .*breaks off; .* save it as CSV in UTF-8"),
+    ("utf-32", "t,V\n0,3\n1,3\n".encode("utf-32"), BadFile, "save it as CSV in UTF-8"),
+    ("latin", "t [µs]\n".encode("latin-1"), BadFile, "no rows below the column row 1"),
+    ("letters", b"t,V\n" + bytes(range(0xC0, 0x100)), BadFile, "row 2: found byte 0xc0"),
     ("blank", " \n\n", BadFile, "an empty file"),
     ("long line", "x" * 200_001, BadFile, "a line of more than"),
 ]
+
+
+ENCODINGS = ("utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "latin-1", "cp1252")
+
+
+@pytest.mark.parametrize("codec", ENCODINGS)
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_a_table_is_the_same_in_every_encoding_that_windows_writes(tmp_path, codec, end):
+    lines = [
+        "Gerät;Kamera in Kühlraum",
+        "t [µs];H [µm]",
+        *(f"{k},5;{40 + k / 7:.4f}".replace(".", ",") for k in range(40)),
+    ]
+    (tmp_path / "a.csv").write_bytes(end.join(lines).encode(codec))
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        found = read_trace(tmp_path / "a.csv")
+    np.testing.assert_allclose(found.times, 1e-6 * (np.arange(40) + 0.5))
+    np.testing.assert_allclose(found["H"], 1e-6 * np.round(40 + np.arange(40) / 7, 4))
+    words = " ".join(str(one.message) for one in caught)
+    name = "" if codec.startswith("utf-8") else "UTF-16" if codec.startswith("utf-16") else "Windows-1252"
+    assert ("the text is" in words) == bool(name)
+    assert name in words
 
 
 @pytest.mark.parametrize(("text", "kind", "match"), [row[1:] for row in MIXED], ids=[row[0] for row in MIXED])

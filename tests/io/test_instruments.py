@@ -28,9 +28,14 @@ FILES = {  # channel, its factor and offset, its unit, and what the reader must 
     "red_pitaya.csv": ("CH1", 1, 0, "V", "`Time` taken for `t`"),
     "digilent.csv": ("Channel 1", 1, 0, "V", "`Time` taken for `t`"),
     "labview.lvm": ("Voltage", 1, 0, None, "`X_Value` in s, as LabVIEW writes it"),
+    "labview_no_x.lvm": ("Spannung_0", 1, 0, None, "times from `delta_x`"),
+    "rigol_mso5000_time.csv": ("CH1", 1, 0, "V", "column `Time` taken for `t`"),
     "phyphox.csv": ("Acceleration x", 1, 0, "m/s^2", "`Time` taken for `t`"),
     "excel_german.csv": ("Spannung", 1e4, 0, "mV", "`.` parts thousands"),
     "logger_clock.csv": ("Druck", 100, 0, None, "`Date/Time` taken for `t`"),  # mbar in Pa
+    "excel_unicode.txt": ("Spannung", 1e3, 0, "mV", "the text is UTF-16"),
+    "excel_1252.csv": ("Weg", 1e-6, 0, None, "the text is Windows-1252"),  # µm in m
+    "labview_dates.csv": ("Kanal", 1, 0, "V", "column `Uhrzeit` taken for `t`"),
     "spectrum_dbm.csv": ("Level", 10, -20, "dBm", "`Level` is in dBm, a logarithm"),
 }
 

@@ -164,7 +164,7 @@ ROWS = "t,V\n0,3.5\n1,3.4\n"
 REFUSALS = [
     ("empty", "", BadFile, "an empty file"),
     ("binary", b"\x93NUMPY\x01\x00\x00\x01", BadFile, "row 1: found byte 0x93"),
-    ("latin", b"t,V\n0,1\n1,\xb51\n", BadFile, "row 3: found byte 0xb5"),
+    ("latin", b"t,V\n0,1\n1,\xb51\n", BadFile, "row 3, column `V`: found 'µ1'"),
     ("nul", b"t,V\n0,1\n1,\0\n", BadFile, "row 3: found byte 0x00"),
     ("comments only", "# d_hat: 1\n# hello\n", BadFile, "comments only"),
     ("no t", "x,V\n0,1\n1,1\n", BadName, "row 1: found the columns `x`, `V`; expected a column `t`"),

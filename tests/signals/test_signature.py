@@ -139,3 +139,16 @@ def test_fit_and_extraction_read_the_same_window(name):
         trace = Trace(TIMES, {name: values + 1e-4 * np.random.default_rng(0).standard_normal(TIMES.size)}, R_BUCKLED)
         (cut,) = windowed(trace, None, None)
         assert extract(trace).window == (float(cut.times[0]), float(cut.times[-1]))
+
+
+def test_a_channel_of_noise_alone_takes_nothing_from_one_that_rings():
+    t = np.linspace(0, 60, 601)
+    rng = np.random.default_rng(0)
+    ring = np.exp(-t / 15) * (np.cos(t) + 0.5 * np.cos(1.7 * t + 1))
+    H, W = 3 + 0.05 * ring + 5e-4 * rng.normal(size=t.size), 4 + 0.02 * rng.normal(size=t.size)
+    alone, both = (extract(Trace(t, channels), start=0) for channels in ({"H": H}, {"H": H, "W": W}))
+    for name in ("omega_minus", "omega_plus", "tau"):
+        # of equal weight, noise of the scatter of the ring would move f by a hundredth; σ is a twentieth of that
+        assert abs(getattr(both, name) - getattr(alone, name)) < 0.1 * alone.stderr[name]
+        assert both.stderr[name] == pytest.approx(alone.stderr[name], rel=0.1)
+    assert both.verdict == "two"

@@ -54,7 +54,7 @@ def problem_responses(
 
 async def _once(request: Request) -> None:
     sent = await request.form()
-    for name in ("file", "conditions", "options"):
+    for name in ("file", "conditions", "options", "grid"):
         if len(sent.getlist(name)) > 1:
             raise BadValue(
                 f"field {name}", found="it twice or more", expected="it once", remedy="Send one value for every field."

@@ -16,6 +16,7 @@ from jshell.service.jobs import (
     address,
     file_name,
     file_of,
+    film_shown,
     fit_shown,
     fit_specification,
     modes_shown,
@@ -29,6 +30,7 @@ from jshell.service.reading import UPLOAD_SLOTS, check_one_readable, json_field
 from jshell.service.safety import attachment, clean_name
 from jshell.service.schemas import (
     BatchOptions,
+    FilmOut,
     FitOut,
     FitRequest,
     JobOut,
@@ -147,7 +149,7 @@ def _file(here: Here, job: JobRow, suffix: str) -> Response:
     return Response(file_of(here.store, job, suffix), headers=given, media_type=MEDIA[suffix])
 
 
-_SHOWN = {"fit": fit_shown, "modes": modes_shown}
+_SHOWN = {"fit": fit_shown, "modes": modes_shown, "look": film_shown, "film": film_shown}
 
 
 def _routes(kind: str, words: str, out: type[JobOut]) -> None:
@@ -211,6 +213,8 @@ _routes("fit", "fit", FitOut)
 _routes("batch", "batch", JobOut)
 _routes("simulate", "simulation", JobOut)
 _routes("modes", "job for modes", ModesOut)
+_routes("look", "look at a film", FilmOut)
+_routes("film", "film", FilmOut)
 
 
 def _not_too_many(found: int, most: int) -> None:

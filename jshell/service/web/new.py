@@ -14,12 +14,14 @@ from jshell.calibration.data import usual_channels
 from jshell.errors import BadFile, BadValue, JshellError
 from jshell.io.headers import REDUCED_KEYS, SHARED_KEYS, SI_KEYS
 from jshell.quantities import QUANTITIES
+from jshell.service.films import is_film
 from jshell.service.jobs import fit_specification, packed
 from jshell.service.preview import Preview, preview
 from jshell.service.reading import UPLOAD_SLOTS, TraceContent, conditions_of, inspect, inspected, with_conditions
 from jshell.service.safety import clean_name
 from jshell.service.state import Here, Service
 from jshell.service.web import drawing, series, settle
+from jshell.service.web.films import looked
 from jshell.service.web.forms import CONDITIONS, MODAL, STRICT, SYMBOLS, FitForm, choice, read, selects
 from jshell.service.web.templates import shown
 
@@ -74,6 +76,14 @@ def _kept(request: Request, here: Service, given: Sequence[tuple[str, bytes]]) -
     try:
         if not given:
             raise BadValue("file", found="none", expected="a file", remedy="Choose one first.")
+        films = [name for name, content in given if is_film(name, content)]
+        if films and len(given) > 1:
+            raise BadValue(
+                films[0], found="a film among other files", expected="one film by itself",
+                remedy="Send it alone; a grid's picture is asked for next.",
+            )  # fmt: skip
+        if films:
+            return looked(here, *given[0])
         if len(given) == 1 and is_batch(*given[0]):
             row = here.store.add_trace(*given[0])
             return RedirectResponse(f"/batches/{here.store.submit('batch', {}, [row.id]).job.id}", 303)

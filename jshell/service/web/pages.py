@@ -17,7 +17,7 @@ from jshell.service.problems import KINDS, Kind, Refused, headers_of
 from jshell.service.safety import COOKIE
 from jshell.service.state import Here
 from jshell.service.store import JobRow, Store
-from jshell.service.web import fits, new, settle, simulations
+from jshell.service.web import films, fits, new, settle, simulations
 from jshell.service.web.templates import shown
 
 STATIC = Path(__file__).parent / "static"
@@ -28,7 +28,7 @@ router = APIRouter(include_in_schema=False, default_response_class=HTMLResponse)
 def mount(app: FastAPI) -> None:
     """Give an application its page."""
     app.mount("/static", StaticFiles(directory=STATIC), name="static")
-    for part in (router, new.router, settle.router, fits.router, simulations.router):
+    for part in (router, new.router, settle.router, films.router, fits.router, simulations.router):
         app.include_router(part)
 
 

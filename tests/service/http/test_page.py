@@ -4,7 +4,6 @@ One service and one fit serve the browser, the client and the API, for starting 
 """
 
 import zipfile
-from collections.abc import Iterator
 from pathlib import Path
 
 import httpx
@@ -21,21 +20,6 @@ from .conftest import RECORDING
 
 PATIENT = 120_000  # [ms] for a first fit, which compiles
 BROKEN = b"t,V\n0,3.0\n1,nan\n2,3.1\n"
-
-
-@pytest.fixture
-def page(browser, served) -> Iterator:
-    """A page that must not complain."""
-    context = browser.new_context(base_url=served, viewport={"width": 1280, "height": 900})
-    opened = context.new_page()
-    opened.set_default_timeout(20_000)
-    complaints: list[str] = []
-    opened.on("pageerror", lambda error: complaints.append(str(error)))
-    opened.on("console", lambda line: complaints.append(line.text) if line.type == "error" else None)
-    yield opened
-    context.close()
-    expected = ("status of 422", "status of 404")
-    assert [text for text in complaints if not any(words in text for words in expected)] == []
 
 
 @pytest.fixture(scope="module")

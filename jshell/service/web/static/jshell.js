@@ -119,6 +119,39 @@
     zone.addEventListener("drop", (e) => { e.preventDefault(); input.files = e.dataTransfer.files; send(); });
   });
 
+  // what holds the shell is boxed in the frame, or in numbers: both say the same
+  const box = () => ["top", "bottom", "left", "right"].map((name) => document.querySelector(`[data-holder] [name=${name}]`));
+  const boxed = () => {
+    const rect = document.querySelector("[data-frame] .holder"), fields = box();
+    if (!rect || !fields[0]) return;
+    const [top, bottom, left, right] = fields.map((field) => parseFloat(field.value));
+    const good = bottom >= top && right >= left;
+    const at = good ? { x: left - 0.5, y: top - 0.5, width: right - left + 1, height: bottom - top + 1 } : { width: 0, height: 0 };
+    for (const [name, value] of Object.entries(at)) rect.setAttribute(name, value);
+  };
+  document.addEventListener("input", boxed);
+  document.addEventListener("pointerdown", (event) => {
+    const frame = event.target.closest("[data-frame]");
+    if (!frame) return;
+    event.preventDefault();
+    const view = frame.viewBox.baseVal;
+    const pixel = (e) => {
+      const at = new DOMPoint(e.clientX, e.clientY).matrixTransform(frame.getScreenCTM().inverse());
+      const within = (x, most) => Math.min(Math.max(Math.round(x), 0), most - 1);
+      return [within(at.x, view.width), within(at.y, view.height)];
+    };
+    const from = pixel(event);
+    const drag = (e) => {
+      const to = pixel(e);
+      const ends = [Math.min(from[1], to[1]), Math.max(from[1], to[1]), Math.min(from[0], to[0]), Math.max(from[0], to[0])];
+      box().forEach((field, k) => { field.value = ends[k]; });
+      boxed();
+    };
+    const end = () => { removeEventListener("pointermove", drag); removeEventListener("pointerup", end); };
+    addEventListener("pointermove", drag);
+    addEventListener("pointerup", end);
+  });
+
   document.addEventListener("click", (event) => {
     const button = event.target.closest("[data-copy]");
     if (!button) return;
@@ -144,8 +177,9 @@
 
   let waiting = 0;
   window.addEventListener("resize", () => { clearTimeout(waiting); waiting = setTimeout(drawAll, 80); });
-  document.addEventListener("htmx:after:swap", drawAll);
+  document.addEventListener("htmx:after:swap", () => { drawAll(); boxed(); });
   document.addEventListener("toggle", drawAll, true);
-  if (document.readyState === "loading") document.addEventListener("DOMContentLoaded", drawAll);
-  else drawAll();
+  const begin = () => { drawAll(); boxed(); };
+  if (document.readyState === "loading") document.addEventListener("DOMContentLoaded", begin);
+  else begin();
 })();

@@ -1,0 +1,61 @@
+"""Films: handed in with what is known of the camera, measured as jobs."""
+
+from typing import Annotated, no_type_check
+
+from fastapi import APIRouter, File, Form, Response, UploadFile
+from pydantic import ValidationError
+
+from jshell.camera.frames import FILMS
+from jshell.errors import BadName, BadValue
+from jshell.service.api.answers import ONCE, Route
+from jshell.service.api.jobs import ACCEPTED, IdempotencyKey, accepted
+from jshell.service.films import is_film
+from jshell.service.jobs import film_specification
+from jshell.service.problems import listed, of_validation
+from jshell.service.reading import UPLOAD_SLOTS, json_field
+from jshell.service.safety import clean_name
+from jshell.service.schemas import FilmOptions
+from jshell.service.state import Here
+from jshell.service.uploads import Upload
+
+router = APIRouter(prefix="/films", tags=["films"], route_class=Route)
+
+
+@router.post("", status_code=202, responses=ACCEPTED, summary="Measure a film", dependencies=[ONCE])
+@no_type_check  # FastAPI hands in Starlette's UploadFile where its own is announced
+def measure(
+    here: Here,
+    file: Annotated[UploadFile, File(description="TIFF stack, video, .cine, or a .zip of pictures.")],
+    grid: Annotated[
+        UploadFile | None, File(description="Picture of a grid of dots through the same window: takes bends off.")
+    ] = None,
+    options: Annotated[str, Form(description='What is known of the camera: {"rate": 1000, "pixel": 5e-4}.')] = "{}",
+    key: IdempotencyKey = None,
+) -> Response:
+    """Outline the shell in every frame: height and width in time, and on to their frequencies."""
+    try:
+        chosen = FilmOptions.model_validate(json_field("options, JSON", options, "{…}"))
+    except ValidationError as error:
+        found = of_validation(error.errors())
+        where = ", ".join(one["place"] for one in listed(error.errors())) or "JSON"
+        raise BadValue(f"options, {where}", found=found.found, expected=found.expected, remedy=found.remedy) from None
+    with UPLOAD_SLOTS:
+        name, content = clean_name(file.filename), file.file.read()
+        given = [checked(name, content)]
+        if grid is not None and grid.filename:
+            given.append(Upload.of(clean_name(grid.filename), grid.file.read()))
+        return accepted(here.store.submit("film", film_specification(chosen, len(given) > 1), given, key))
+
+
+def checked(name: str, content: bytes) -> Upload:
+    """An upload that calls itself a film.
+
+    Raises:
+        BadName: It does not.
+    """
+    if not is_film(name, content):
+        raise BadName(
+            name, found="no film by its name", expected=", ".join((*FILMS, ".zip of pictures")),
+            remedy="Export the film as a TIFF stack, or zip its pictures; ImageJ and ffmpeg do.",
+        )  # fmt: skip
+    return Upload.of(name, content)

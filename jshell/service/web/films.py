@@ -1,0 +1,187 @@
+"""The pages of a film: its first frame with what is to be said of the camera, then height and width in time."""
+
+from collections.abc import Mapping
+from typing import Any
+from urllib.parse import urlencode
+
+from fastapi import APIRouter, Request, Response
+from fastapi.responses import HTMLResponse, RedirectResponse
+from pydantic import ValidationError
+from starlette.concurrency import run_in_threadpool
+
+from jshell.errors import BadValue, JshellError
+from jshell.service import jobs
+from jshell.service.jobs import film_specification, of_kind
+from jshell.service.problems import of_validation
+from jshell.service.safety import clean_name
+from jshell.service.schemas import FilmOptions
+from jshell.service.state import Here, Service
+from jshell.service.store import JobRow
+from jshell.service.uploads import Upload
+from jshell.service.web import drawing, series
+from jshell.service.web.fits import _common
+from jshell.service.web.forms import FitForm
+from jshell.service.web.templates import shown
+
+router = APIRouter(include_in_schema=False, default_response_class=HTMLResponse)
+HOLDER = ("top", "bottom", "left", "right")
+NUMBERS = ("rate", "start", "stop")
+MILLIMETRE = 1e-3  # in which the page asks for a pixel's size
+MODES = (
+    ("slow frequency f₋", "f_minus_Hz", "omega_minus", "Hz"),
+    ("fast frequency f₊", "f_plus_Hz", "omega_plus", "Hz"),
+    ("decay time τ", "tau_s", "tau", "s"),
+)
+
+
+def looked(here: Service, name: str, content: bytes, fields: Mapping[str, str] | None = None) -> Response:
+    """Keep a film and go to the first look at it."""
+    return _look(here, here.store.add_trace(name, content).id, fields or {})
+
+
+def _look(here: Service, film: str, fields: Mapping[str, str]) -> Response:
+    job = here.store.submit("look", {}, [film]).job
+    return RedirectResponse(f"/looks/{job.id}" + (f"?{urlencode(fields)}" if fields else ""), 303)
+
+
+@router.get("/looks/{id}")
+def look(request: Request, here: Here, id: str) -> Response:
+    """The first frame of a film, and what is to be said of the camera."""
+    return _asking(request, here, of_kind(here.store, id, "look"), dict(request.query_params), None)
+
+
+def _asking(
+    request: Request, here: Service, job: JobRow, fields: Mapping[str, str], error: JshellError | None
+) -> Response:
+    given = _common(here, job) | {"fields": fields, "error": error, "film": job.traces[0]}
+    if job.state == "done":
+        given["seen"] = jobs.film_found(here.store, job)
+    return shown(request, "look.html", given, 200 if error is None else 422)
+
+
+@router.post("/looks")
+async def again(request: Request, here: Here) -> Response:
+    """Back to a film's first look, with what was said of the camera."""
+    async with request.form() as sent:
+        fields = {key: value for key, value in sent.items() if isinstance(value, str) and value}
+    return await run_in_threadpool(_look, here, fields.pop("film", ""), fields)
+
+
+@router.post("/films")
+async def measure(request: Request, here: Here) -> Response:
+    """Hand the measurement in, and go to its page; or say what is wrong, with all fields as they were."""
+    async with request.form(max_files=2) as sent:
+        fields = {key: value.strip() for key, value in sent.items() if isinstance(value, str)}
+        picture = sent.get("grid")
+        grid = None
+        if picture is not None and not isinstance(picture, str) and picture.filename:
+            grid = Upload.of(clean_name(picture.filename), await picture.read())
+    return await run_in_threadpool(_measured, request, here, fields, grid)
+
+
+def _measured(request: Request, here: Service, fields: dict[str, str], grid: Upload | None) -> Response:
+    looked = of_kind(here.store, fields.pop("look", ""), "look")
+    try:
+        if grid is None and fields.get("kept"):
+            grid = Upload.of(here.store.trace(fields["kept"]).name, here.store.trace_content(fields["kept"]))
+        asked = film_specification(_options(fields), grid is not None)
+        given = [looked.traces[0]]
+        if grid is not None:
+            given.append(here.store.add_trace(grid.name, grid.content).id)
+        job = here.store.submit("film", asked, given).job
+    except JshellError as error:
+        return _asking(request, here, looked, fields, error)
+    return RedirectResponse(f"/films/{job.id}", 303)
+
+
+def _options(fields: Mapping[str, str]) -> FilmOptions:
+    """The API's request, from the form's fields.
+
+    Raises:
+        BadValue: No number, or one outside its meaning.
+    """
+    form = FitForm([], dict(fields))
+    asked: dict[str, Any] = {name: float(form.number(name)) for name in NUMBERS if form.text(name)}
+    if form.text("pixel"):
+        asked["pixel"] = MILLIMETRE * form.number("pixel")
+    if form.text("find") or form.text("axis"):
+        asked["axis"] = None if form.text("find") else float(form.number("axis"))
+    asked |= {name: True for name in ("bright", "section") if form.text(name)}
+    if any(form.text(name) for name in HOLDER):
+        asked["holder"] = tuple(int(form.number(name)) for name in HOLDER)
+    try:
+        return FilmOptions(**asked)
+    except ValidationError as error:
+        found = of_validation(error.errors())
+        raise BadValue(
+            f"field {found.place}", found=found.found, expected=found.expected, remedy="Correct the field."
+        ) from None
+
+
+def _fields(job: JobRow) -> dict[str, str]:
+    """The fields that ask for a measurement once more."""
+    asked = job.specification
+    fields = {name: f"{asked[name]:.10g}" for name in NUMBERS if asked.get(name) is not None}
+    if asked.get("pixel"):
+        fields["pixel"] = f"{asked['pixel'] / MILLIMETRE:.10g}"
+    if "axis" in asked:
+        fields |= {"find": "on"} if asked["axis"] is None else {"axis": f"{asked['axis']:.10g}"}
+    fields |= {name: "on" for name in ("bright", "section") if asked.get(name)}
+    fields |= dict(zip(HOLDER, map(str, asked.get("holder") or ()), strict=False))
+    return fields | ({"kept": job.traces[1]} if len(job.traces) > 1 else {})
+
+
+@router.get("/films/{id}")
+def film(request: Request, here: Here, id: str) -> Response:
+    """A film: where it stands, and what it shows."""
+    job = of_kind(here.store, id, "film")
+    given = _common(here, job) | {"asked": job.specification, "again": [("film", job.traces[0]), *_fields(job).items()]}
+    if job.state == "done":
+        found, trace = jobs.film_found(here.store, job), jobs.filmed(here.store, job.id)
+        heard = found["signature"]
+        rows = [(words, heard.get(key), heard["stderr"].get(error), unit) for words, key, error, unit in MODES]
+        scale = _in_hertz(heard)
+        rows = [
+            (words, value, None if sigma is None or scale is None else sigma * scale[unit], unit)
+            for words, value, sigma, unit in rows
+        ]
+        given |= {"found": found, "heard": heard, "rows": rows, "plots": series.of_trace(trace, list(trace.channels))}
+        given["fits"] = "H" in trace.channels or "V" in trace.channels
+    return shown(request, "film.html", given)
+
+
+def _in_hertz(heard: Mapping[str, Any]) -> dict[str, float] | None:
+    """How many Hz, and how many s, are one unit of the signature's numbers."""
+    if not heard.get("omega_minus") or not heard.get("f_minus_Hz"):
+        return None
+    unit = heard["f_minus_Hz"] / heard["omega_minus"]
+    seconds = heard["tau_s"] / heard["tau"] if heard.get("tau") and heard.get("tau_s") else 1.0
+    return {"Hz": unit, "s": seconds}
+
+
+@router.get("/films/{id}/trace.svg")
+def drawn(here: Here, id: str) -> Response:
+    """Height and width in time for a browser without JavaScript."""
+    trace = jobs.filmed(here.store, of_kind(here.store, id, "film").id)
+    return Response(drawing.svg(series.of_trace(trace, list(trace.channels))), media_type="image/svg+xml")
+
+
+@router.get("/films/{id}/overlay.png")
+def overlay(here: Here, id: str) -> Response:
+    """Frames with their outlines."""
+    return Response(here.store.result(of_kind(here.store, id, "film").id, "overlay.png"), media_type="image/png")
+
+
+@router.get("/looks/{id}/frame.png")
+def frame(here: Here, id: str) -> Response:
+    """The first frame."""
+    return Response(here.store.result(of_kind(here.store, id, "look").id, "frame.png"), media_type="image/png")
+
+
+@router.post("/films/{id}/fit")
+def fit(here: Here, id: str) -> Response:
+    """Go on to a fit of what the film shows, as if it had been uploaded."""
+    job = of_kind(here.store, id, "film")
+    name = jobs.file_name(here.store, job, "json")
+    row = here.store.add_trace(name, here.store.result(job.id, "trace.json"))
+    return RedirectResponse("/traces/conditions?" + urlencode({"trace": row.id}), 303)
