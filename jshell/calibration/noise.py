@@ -117,7 +117,7 @@ def runs_from(above: Any, changes: Any, total: Any) -> Any:
 def peak_chance(left: np.ndarray) -> Any:
     """Chance of the largest share that one frequency takes of the power (Fisher's g), along the last axis."""
     waves = np.asarray(scipy.fft.rfft(left))[..., 1 : (left.shape[-1] + 1) // 2]  # without the mean
-    parts = waves.view(waves.real.dtype).reshape(*waves.shape, 2)
+    parts = waves.view(left.dtype).reshape(*waves.shape, 2)
     power = np.einsum("...p,...p->...", parts, parts)
     count, total = power.shape[-1], power.sum(axis=-1)
     if count < 4:

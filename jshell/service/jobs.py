@@ -123,7 +123,9 @@ def modes_specification(asked: ModesRequest) -> dict[str, Any]:
     options = {name: getattr(asked, name) for name in ModesRequest.model_fields if name not in Conditions.model_fields}
     orders = options.pop("azimuth")
     if orders is None:
-        return {"conditions": _conditions(asked), **options, "liquid": asked.liquid or "exact"}
+        return {"conditions": _conditions(asked), **options}
+    if "liquid" not in asked.model_fields_set:
+        options["liquid"] = None  # the best that is known of each order
     return {"conditions": _conditions(asked), **options, "azimuth": sorted(set(orders))}
 
 

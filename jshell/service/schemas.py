@@ -194,8 +194,8 @@ class SimulateRequest(Conditions):
 class ModesRequest(Conditions):
     """The small vibrations of a shell about its rest shape, as a job."""
 
-    liquid: Literal["exact", "second", "layer", "ideal"] | None = Field(
-        None,
+    liquid: Literal["exact", "second", "layer", "ideal"] = Field(
+        "exact",
         description="exact: any viscosity; second, layer: orders of a thin layer; ideal: no viscosity. Left out it is "
         "exact, and second for orders above 0 around the axis, where the exact one is not known.",
     )
@@ -211,7 +211,7 @@ class ModesRequest(Conditions):
         """What `jshell.dynamics.modes` refuses is refused at once."""
         if max(self.azimuth or [0]) == 0:
             return self
-        if self.liquid == "exact":
+        if self.liquid == "exact" and "liquid" in self.model_fields_set:
             raise ValueError("the exact liquid is known for order 0 only; second is the best for others")
         if self.count > self.elements // 4:
             raise ValueError(f"count must be at most a quarter of the elements, {self.elements // 4}")

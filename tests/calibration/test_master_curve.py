@@ -248,6 +248,7 @@ def test_one_start_of_many_is_not_enough(monkeypatch):
     assert "only 1 of 11 starts" in found.report()
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore::jshell.calibration.FitWarning")
 def test_both_weightings_are_shown_where_they_disagree():
     table = _wrong("none", 0)

@@ -67,6 +67,7 @@ def test_a_hopeless_trace_beside_good_ones_says_so(traces, fits):
     np.testing.assert_allclose(found.constants[:3], fits.constants[:3], rtol=1e-6)
 
 
+@pytest.mark.long
 def test_wrong_requests_are_refused(traces):
     trace = traces[0][0]
     with pytest.raises(BadName, match="solver"):

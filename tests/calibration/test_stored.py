@@ -106,6 +106,7 @@ def test_the_picture_of_a_file_is_that_of_the_fit(fit, trace, tmp_path):
             assert a.get_xydata().tobytes() == b.get_xydata().tobytes()
 
 
+@pytest.mark.long
 def test_netcdf_holds_the_same_numbers(result, tmp_path):
     import xarray
 

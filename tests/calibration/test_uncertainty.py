@@ -26,6 +26,7 @@ def linear_errors(result):
     return np.array([one.stderr for one in result.estimates if one.role == "nuisance"])
 
 
+@pytest.mark.long
 def test_the_report_is_lmfits_and_the_profile_is_its_conf_interval(fit):
     import lmfit
 

@@ -52,6 +52,7 @@ def test_dataset_holds_the_table_and_the_records(shipped):
     np.testing.assert_array_equal(two["record_V"].values[0], np.asarray(record["V"], dtype=float))
 
 
+@pytest.mark.long
 def test_damaged_file_is_named(undisturbed, small, tmp_path):
     store = RunStore(tmp_path)
     store.begin()
@@ -70,6 +71,7 @@ def test_folder_without_a_campaign_is_refused(tmp_path):
         campaigns.catalog(tmp_path)
 
 
+@pytest.mark.long
 def test_comparison_says_what_moved_and_how_far(undisturbed):
     before = campaigns.catalog(undisturbed)
     assert campaigns.compare(before, before).identical
@@ -90,6 +92,7 @@ def test_comparison_says_what_moved_and_how_far(undisturbed):
     assert found.versions == (f"jax {first.versions.jax} -> 99.0",)
 
 
+@pytest.mark.long
 def test_files_of_no_run_are_counted_and_the_old_name_says_the_new_one(undisturbed, tmp_path):
     folder = tmp_path / "copy"
     shutil.copytree(undisturbed, folder)
@@ -110,6 +113,7 @@ def test_terminal_tells_the_shipped_campaign(shipped):
     assert "thickness" in text
 
 
+@pytest.mark.long
 def test_terminal_runs_checks_and_exports(undisturbed, small, tmp_path):
     design, out = campaigns.write_design(tmp_path / "design.toml", small), tmp_path / "out"
     code, text = asked("run", str(design), "--out", str(out), "--json")
@@ -127,6 +131,7 @@ def test_shipped_table_is_that_of_the_shipped_files(shipped):
     assert (campaigns.shipped() / "catalog.csv").read_text(encoding="utf-8") == shipped.to_csv()
 
 
+@pytest.mark.long
 def test_a_dimple_is_said_to_be_round_by_the_law(undisturbed):
     found = campaigns.catalog(undisturbed)
     assert found.where(family="gas")["symmetry"].tolist() == ["round (law)"] * 3

@@ -74,6 +74,7 @@ def test_orders_around_the_axis_that_are_none_are_refused(monkeypatch, orders):
     assert answer(monkeypatch, *words, code=2)["error"]["place"] == "--azimuth"
 
 
+@pytest.mark.long
 def test_a_thin_shell_is_said_to_be_round_by_the_law(monkeypatch):
     words = ["rest", "--d-hat", "0.045", "--p0-hat", "0.9", "--volume", "0.75", "--elements", str(ELEMENTS)]
     shown = runner.invoke(app, [*words, "--pext-hat", "1.6"])
@@ -97,6 +98,7 @@ def test_what_is_told_of_motions_out_of_round(monkeypatch):
     assert answer(monkeypatch, "rest", "--d-hat", 0.0278, *thin)["symmetry"]["verdict"] == "round"
 
 
+@pytest.mark.long
 def test_a_shell_given_in_si_is_answered_in_its_units(monkeypatch):
     """With the time by hand: 22.5 mm, 5 mm, 0.5 MPa, glycerol of 1260 kg/m³."""
     time = (1260.0 * 22.5e-3**3 / (0.5e6 * 5e-3)) ** 0.5

@@ -163,6 +163,7 @@ def test_nothing_holds_a_free_shell(layered_R, parts):
 # ---- in the exact liquid
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("viscosity", [0.0006, 0.004, 0.013, 0.13])
 def test_modes_of_the_reference_shell_in_the_exact_liquid(viscosity, viscous, make_problem):
     found = modes(make_problem(0.22, 0.9, 1.6, viscosity), elements=ELEMENTS)

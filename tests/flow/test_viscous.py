@@ -80,6 +80,7 @@ def test_a_rigid_sphere_feels_bassets_force(sphere, resistances):
         assert t @ Z @ t == pytest.approx(6 * np.pi * (1 + decay + decay**2 / 9), rel=1e-6)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("stretch", "drag"), [(2.0, 22.69375), (0.5, 17.06460)], ids=["prolate", "oblate"])
 def test_spheroids_feel_stokes_drag(stretch, drag, sphere):
     """Moving along the axis, equatorial radius 1; Happel and Brenner. At a low rate: + λ F²/(6π) of the drag F."""

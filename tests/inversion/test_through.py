@@ -64,6 +64,7 @@ def test_modulus_pressure_and_weak_spot_come_out_of_one_channel():
     assert found.curves()[0]["V"].shape == found.times()[0].shape
 
 
+@pytest.mark.long
 def test_slopes_are_central_differences_in_all_numbers():
     names = ("youngs_modulus", "thickness", "radius", "density", "gas_pressure", "outer_pressure", "viscosity", "kappa",
              "weak_spot")  # fmt: skip

@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from jshell import Reduced, Trace
-from jshell.errors import BadFile, JshellError, RangeWarning
+from jshell.errors import BadFile, GuessWarning, JshellError, RangeWarning
 from jshell.io import read_trace, write_trace
 from jshell.shell import Scales
 
@@ -76,6 +76,7 @@ def _read_or_refuse(path, raw):
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RangeWarning)
+            warnings.simplefilter("ignore", GuessWarning)  # said, such as that the text is Latin-1
             found = read_trace(path)
     except JshellError as error:
         refusal = error

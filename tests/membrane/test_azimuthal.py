@@ -159,6 +159,7 @@ def test_thinner_shells_have_more_orders_to_look_at():
     assert usual_orders(0.22).size < usual_orders(0.02).size <= usual_orders(1e-4).size
 
 
+@pytest.mark.long
 def test_what_cannot_be_looked_at_is_refused(rest_R):
     with pytest.raises(BadValue, match="orders"):
         membrane.stability(rest_R, orders=[0, 1])

@@ -55,6 +55,7 @@ def test_the_branch_runs_from_the_sphere_to_contact(branch, threshold):
     assert branch.volume_ratio[0] == pytest.approx(float(threshold.volume_ratio), rel=1e-3)
 
 
+@pytest.mark.long
 def test_the_branch_turns_in_volume_and_is_stable_on_one_side_only(branch):
     (fold,) = [fold for fold in branch.folds if fold.of == "volume"]
     assert fold.volume_ratio == pytest.approx(branch.volume_ratio.max(), abs=1e-3)

@@ -99,6 +99,7 @@ def test_backward_and_forward_derivative_agree(slopes, R):
     assert float(backward.viscosity) == 0
 
 
+@pytest.mark.long
 def test_a_shell_below_the_plateau_has_no_buckled_state(family, make_problem):
     assert int(family.modes.rest.outcome[family.no_buckled_state]) == Outcome.NO_BUCKLED_STATE
     with pytest.raises(NotOk, match="no_buckled_state") as caught:

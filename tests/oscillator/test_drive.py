@@ -184,6 +184,7 @@ def test_ends_are_named(shell, constants):
         assert 0 < float(into.ended) < 2
 
 
+@pytest.mark.long
 def test_a_response_is_a_trace_with_named_channels(driven_run):
     trace = driven_run.trace()
     for name in ("V", "S", "R_eq", "x_front", "v_front", "P", "P_ext", "p_scattered", "work_drag"):

@@ -135,6 +135,7 @@ def test_shells_that_obey_the_sources_curve_do_not_deviate(material):
     assert len(figure.axes[0].get_xticklabels()) == len(FAMILIES)
 
 
+@pytest.mark.long
 def test_constants_are_drawn_beside_the_sources(material):
     figure = frequencies.constants(calibrate(material.runs))
     bands = [ax.patches[0].get_extents().transformed(ax.transData.inverted()) for ax in figure.axes]

@@ -84,6 +84,7 @@ def test_the_longest_arrow_is_as_long_as_said_and_the_wall_as_thick_as_it_is(mot
     assert not [item for item in bare.collections if hasattr(item, "U")]
 
 
+@pytest.mark.long
 def test_a_film_has_its_pictures(motion, tmp_path):
     path = plot.animate(motion, tmp_path / "snap.gif", start=21.0, stop=24.0, frames=4, rate=5)
     with Image.open(path) as film:

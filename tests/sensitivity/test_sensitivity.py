@@ -159,6 +159,7 @@ def test_both_shells_of_a_wish_are_found(excess):
     assert sorted(shell.thickness > 0.1 for shell in found.shells) == [False, True]
 
 
+@pytest.mark.long
 def test_a_design_that_no_shell_meets_says_so():
     found = design(0.1, 50.0, SOURCE)
     assert found.outcome == Outcome.OUT_OF_RANGE

@@ -54,6 +54,7 @@ def test_a_server_killed_around_its_answer_loses_and_doubles_nothing(small):
     assert (found["lost"], found["twice"]) == (0, 0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("how", ["freeze", "backup"])
 def test_a_copy_under_load_is_sound_and_holds_all_that_was_accepted(small, how):
     found = small[how]

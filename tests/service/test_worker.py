@@ -183,6 +183,7 @@ def test_a_worker_outlives_a_database_that_does_not_answer(local, monkeypatch):
     worker.stop(10)
 
 
+@pytest.mark.long
 def test_nothing_is_left_behind(local, programs):
     before = {child.pid for child in psutil.Process().children(recursive=True)}
     threads = threading.active_count()
