@@ -74,6 +74,7 @@ def test_campaign_killed_in_its_process_and_resumed_here_equals_an_undisturbed_o
     assert files(out) == files(undisturbed)
 
 
+@pytest.mark.long
 def test_cluster_gives_the_same_files(small, undisturbed, tmp_path):
     distributed = pytest.importorskip("distributed")
     with (
@@ -111,6 +112,7 @@ def test_lost_run_is_tried_three_times_and_then_left_unfinished(small, tmp_path,
     assert len(campaigns.run(small, tmp_path)) == 4
 
 
+@pytest.mark.long
 def test_failed_run_is_kept_with_its_outcome_and_reason(undisturbed):
     found = campaigns.catalog(undisturbed)
     (failed,) = campaigns.failures(found)
@@ -120,6 +122,7 @@ def test_failed_run_is_kept_with_its_outcome_and_reason(undisturbed):
     assert found.outcomes() == {"ok": 3, "no_buckled_state": 1}
 
 
+@pytest.mark.long
 def test_finished_runs_are_not_done_again_and_progress_says_so(small, undisturbed):
     told = []
     before = {path: path.stat().st_mtime_ns for path in (undisturbed / "runs").iterdir()}
@@ -128,6 +131,7 @@ def test_finished_runs_are_not_done_again_and_progress_says_so(small, undisturbe
     assert before == {path: path.stat().st_mtime_ns for path in (undisturbed / "runs").iterdir()}
 
 
+@pytest.mark.long
 def test_folder_of_another_design_is_refused(undisturbed):
     other = campaigns.Design("other", (campaigns.Family("one", "modes", {"d_hat": 0.2, "P0_hat": 1.0, "load": 1.1}),))
     with pytest.raises(BadFile, match="another design"):

@@ -30,6 +30,7 @@ def ideal(every):
     return every.around
 
 
+@pytest.mark.long
 def test_frequencies_of_R_are_those_of_another_code(ideal):
     expected = [FOURIER["frequencies_R"][str(m)] for m in range(1, 5)]
     np.testing.assert_allclose(ideal.omega[:, :2], expected, rtol=1e-4)

@@ -367,6 +367,7 @@ def test_derivative_of_the_first_mode_is_the_central_difference(quantity, name, 
     assert float(getattr(slopes[quantity], name)) == pytest.approx(wanted, rel=1e-5)
 
 
+@pytest.mark.long
 def test_a_batch_gives_the_same_modes_as_a_single_call(family, layered_R):
     # rounding times the condition of K
     np.testing.assert_allclose(family.modes.omega[0], layered_R.omega, rtol=1e-9)

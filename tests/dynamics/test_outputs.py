@@ -106,6 +106,7 @@ def _turned(x, r):
     return -np.pi * np.trapezoid(np.asarray(r) ** 2, np.asarray(x), axis=-1)
 
 
+@pytest.mark.long
 def test_mode_shapes_swing_about_the_rest_shape(modes_R):
     phases = np.linspace(0.0, 2 * np.pi, 361)
     shapes = mode_shapes(modes_R, phases=phases)

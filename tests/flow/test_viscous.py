@@ -92,6 +92,7 @@ def test_spheroids_feel_stokes_drag(stretch, drag, sphere):
     assert found == pytest.approx(drag + decay * drag**2 / (6 * np.pi), rel=1e-5)
 
 
+@pytest.mark.long
 def test_impedance_is_symmetric_and_takes_energy(sphere):
     Z = np.asarray(impedance(sphere.liquid, jnp.asarray(3.0 + 0j)))
     np.testing.assert_allclose(Z, Z.T, rtol=0, atol=1e-12 * np.abs(Z).max())

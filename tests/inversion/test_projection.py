@@ -38,6 +38,7 @@ def test_nothing_is_left_of_the_modes_own_motion():
     np.testing.assert_allclose(found.amplitudes, [0.1 + 0.05j, 0.03j], atol=1e-12)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("memory", [0.0, 0.7])
 @pytest.mark.parametrize("free_rest", [False, True])
 def test_the_jacobian_is_that_of_differences(memory, free_rest):

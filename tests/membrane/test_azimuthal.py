@@ -229,6 +229,7 @@ def test_eigenvalues_have_the_derivatives_of_their_differences(make_problem):
     np.testing.assert_allclose(jax.jit(jax.jacfwd(lowest))(at), exact, rtol=1e-9)
 
 
+@pytest.mark.long
 def test_what_depends_on_the_shape_is_asked_for_under_jit(rest_R):
     with pytest.raises(BadValue, match="elements"):
         eqx.filter_eval_shape(lambda state: membrane.stability(state, orders=(2,)), rest_R)

@@ -66,6 +66,7 @@ def test_the_branch_turns_in_volume_and_is_stable_on_one_side_only(branch):
     assert np.all(branch.held_stability >= branch.stability - 1e-9)
 
 
+@pytest.mark.long
 def test_energy_falls_by_the_work_of_the_pressure_along_the_branch(branch):
     work = -np.diff(branch.volume_ratio) * SPHERE_VOLUME * (branch.difference[1:] + branch.difference[:-1]) / 2
     # the trapezoid's error is third order in the step: a percent of the steps' work, in all

@@ -107,6 +107,7 @@ def test_a_shell_below_the_plateau_has_no_buckled_state(family, make_problem):
     assert caught.value.outcome is Outcome.NO_BUCKLED_STATE
 
 
+@pytest.mark.long
 def test_too_weak_a_gas_ends_in_contact_or_is_not_converged(family):
     assert int(family.modes.rest.outcome[family.weak_gas]) in (Outcome.CONTACT, Outcome.NOT_CONVERGED)
 

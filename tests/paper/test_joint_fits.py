@@ -47,6 +47,7 @@ def readings(runs):
     return {reading.key: reading for reading in calibrate(runs)}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("weighting", ["V_e omega", "V_e^2 omega^2"])
 def test_constants_are_found_from_what_was_heard(readings, weighting):
     found = readings["heard"].fits[weighting]

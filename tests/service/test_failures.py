@@ -62,6 +62,7 @@ def test_a_copy_under_load_is_sound_and_holds_all_that_was_accepted(small, how):
     assert (found["copies"], found["unsound"], found["missing"]) == (6, 0, 0)
 
 
+@pytest.mark.long
 def test_a_full_disk_is_refused_in_words_and_recovers(small):
     found = small["full"]
     assert found["accepted"] > 0

@@ -164,6 +164,7 @@ def test_this_process_serves_too_and_keeps_its_leases(local):
     assert [(row.state, row.attempt) for row in rows] == [("done", 1)] * 3
 
 
+@pytest.mark.long
 def test_a_worker_outlives_a_database_that_does_not_answer(local, monkeypatch):
     worker = Worker(Settings(engine="inline", lease=5, warm=False), local)
     monkeypatch.setattr("jshell.service.database.PATIENCE", 0.2)

@@ -342,7 +342,7 @@ def test_modes_are_a_job(http):
     assert "waiting" in http.get(f"/modes/{found['id']}").text.lower()
     assert http.post("/api/v1/modes", json=asked).json()["id"] == found["id"]
     assert found["specification"].keys().isdisjoint({"azimuth"})
-    around = asked | {"azimuth": [2, 0, 2], "liquid": None}
+    around = {"elements": 16, "azimuth": [2, 0, 2]}
     sent = http.post("/api/v1/modes", json=around)
     found = http.get(sent.headers["location"]).json()
     assert found["specification"] | {"azimuth": [0, 2], "liquid": None} == found["specification"]
