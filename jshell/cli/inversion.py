@@ -40,20 +40,39 @@ def invert(
         bool | None, typer.Option(help="Seek pad and weak spot too, from priors; by default with SI units.")
     ] = None,
     exact: Annotated[bool, typer.Option(help="Correct the answer to the exact liquid.")] = True,
-    elements: Annotated[int, typer.Option(help="Elements of the meridian.")] = 20,
+    elements: Annotated[int | None, typer.Option(help="Elements of the meridian; 20 for modes, 24 for traces.")] = None,
+    level: Annotated[
+        str, typer.Option(help="modal: ring-downs; trace: records through the snap, simulated whole.")
+    ] = "modal",
+    ramp: Annotated[
+        float | None,
+        typer.Option(help="trace: time of the pressure's rise [s, or time unit], 0 at once; by default the file's."),
+    ] = None,
+    origin: Annotated[float, typer.Option(help="trace: when the pressure begins to rise [s, or time unit].")] = 0.0,
+    starts: Annotated[int, typer.Option(help="trace: from how many starts.")] = 1,
+    engine: Annotated[str, typer.Option(help="trace: inline, processes, processes:N, tcp://host:port.")] = "inline",
+    checkpoint: Annotated[
+        Path | None, typer.Option(help="trace: folder that keeps every simulation; the same command goes on there.")
+    ] = None,
     profile: Annotated[bool, typer.Option(help="Asymmetric 95% intervals by profile likelihood.")] = False,
     plot: Picture = None,
     as_json: Json = False,
 ) -> None:
-    """Invert ring-downs: modulus, gas, pad, … of the shell, by the simulator's own vibrations."""
+    """Invert ring-downs, or records through the snap: modulus, gas, pad, … of the shell, by the simulator."""
     drawable(plot)
     asked = _asked(unknown or [], prior or [], bounds or [])
     said = dict(_pair(text, "--known") for text in _split(known or []))
+    how: Any = level
+    if level == "trace":
+        how = jshell.inversion.Snap(
+            ramp=ramp, origin=origin, starts=starts, engine=engine, checkpoint=checkpoint, progress=_tell,
+            **({} if elements is None else {"elements": elements}),
+        )  # fmt: skip
     traces = [jshell.io.read_trace(file, meta=meta, **reading) for file in files]
     found = jshell.invert(
         traces, said, asked, local=tuple(_split(local or [])), start=start, stop=stop, free_rest=free_rest,
-        nuisance=nuisance, exact=exact, elements=elements,
-        channels=None if channels is None else tuple(_split([channels])),
+        nuisance=nuisance, exact=exact, level=how, channels=None if channels is None else tuple(_split([channels])),
+        **({} if elements is None else {"elements": elements}),
     )  # fmt: skip
     profiles = found.profile() if profile else None
     if plot is not None:
@@ -68,6 +87,12 @@ def invert(
             typer.echo(profiles.report())
     sound = not any(text.startswith("misfit") for text in found.warnings)
     finish(found.outcome, sound=sound, advice=found.advice)
+
+
+def _tell(number: int, share: float) -> None:
+    """A line for every simulation that is done."""
+    if share >= 1:
+        log(f"simulation {number}")
 
 
 def _split(texts: Sequence[str]) -> list[str]:
