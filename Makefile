@@ -1,4 +1,4 @@
-# make demo: the main job, end to end.   make test: lint, types, every promise once.
+# make demo: the main job, end to end.   make test: lint and types, and beside them every part once (make quick).
 # make test-long: the tests of some seconds each, more shells, more options, every example of a docstring.
 # make slow, make bench: minutes each.
 # make test-apart: the tests that need a browser, a database server, or execute notebooks that `make docs` has not.
@@ -8,12 +8,15 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test test-long test-apart lint slow bench docs release clean
+.PHONY: demo test quick test-long test-apart lint slow bench docs release clean
 
 demo: $(STAMP)
 	$(BIN)/jshell demo --out out/demo
 
-test: $(STAMP) lint
+test: $(STAMP)
+	$(MAKE) --no-print-directory --jobs 2 lint quick
+
+quick: $(STAMP)
 	$(BIN)/python -m pytest -n 2 --dist worksteal
 
 test-long: $(STAMP)
