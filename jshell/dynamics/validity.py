@@ -30,10 +30,13 @@ SHOWN = 2  # exact modes beside a run that warns
 def series_error(trace: Trace) -> float:
     """How far τ of a run is off, from what first and second order have taken since its dimple formed [-]."""
     times, said = np.asarray(trace.times), dict(trace.settings)
-    if "ramp" in said and "buckled_at" not in said:
-        return 0.0  # a sphere that is compressed does not ring
-    # while a sphere is slowly compressed the layer has time to thicken: that says nothing of the ringing
-    began = int(np.searchsorted(times, float(said.get("buckled_at", "0"))))
+    since = "0"  # of a run that began at a rest shape: all of it rings
+    if "ramp" in said:
+        if "buckled_at" not in said:
+            return 0.0  # a sphere that is compressed does not ring
+        # while a sphere is slowly compressed the layer has time to thicken: that says nothing of the ringing
+        since = said["buckled_at"]
+    began = int(np.searchsorted(times, float(since)))
     layer, second = (np.asarray(trace[name]) for name in ("loss_layer", "loss_bulk"))
     taken, beside = (float(part[-1] - part[min(began, times.size - 1)]) for part in (layer, second))
     return SERIES_ERROR * (beside / taken) ** 2 if taken > 0 else 0.0

@@ -1,5 +1,7 @@
 """What takes energy: against Lamb's bubble, Marmottant's coating, and the exact roots of the Stokes layer."""
 
+from contextlib import nullcontext
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -109,7 +111,9 @@ def kicked(problem, found, mode, losses):
 @pytest.mark.parametrize("viscosity", [0.0006, 0.004, 0.013])
 def test_the_memory_in_time_rings_as_the_exact_layer(make_problem, viscosity, mode):
     problem = make_problem(0.22, 0.9, 1.6, viscosity)
-    s, got = kicked(problem, modes(problem, elements=24, liquid="layer"), mode, Losses(order=1))
+    with nullcontext() if viscosity < 0.013 else pytest.warns(RangeWarning, match="thick"):
+        found = modes(problem, elements=24, liquid="layer")
+    s, got = kicked(problem, found, mode, Losses(order=1))
     # asked: 0.5 % and 2 %; 3e-4 and 1e-3 are seen
     assert abs(got) == pytest.approx(abs(s), rel=1e-3)
     assert got.real == pytest.approx(s.real, rel=5e-3)
