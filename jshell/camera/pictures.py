@@ -3,6 +3,7 @@
 Of an archive nothing is unpacked: a picture is read when its frame is asked for, and what it claims is checked first.
 """
 
+import contextlib
 import io
 import re
 import zipfile
@@ -62,11 +63,11 @@ def packed(path: Path) -> Film:
         # no more than the member claims is ever read of it
         return io.BytesIO(archive.read(held[number][1]))
 
-    try:
-        return _film(str(path), [f"{path}, {name}" for name, _ in held], opened, archive.close)
-    except BaseException:
-        archive.close()
-        raise
+    with contextlib.ExitStack() as until_read:
+        until_read.callback(archive.close)
+        film = _film(str(path), [f"{path}, {name}" for name, _ in held], opened, archive.close)
+        until_read.pop_all()  # the film closes it from here on
+    return film
 
 
 def is_picture(path: Path | PurePosixPath) -> bool:
