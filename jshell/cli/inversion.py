@@ -62,17 +62,17 @@ def invert(
     drawable(plot)
     asked = _asked(unknown or [], prior or [], bounds or [])
     said = dict(_pair(text, "--known") for text in _split(known or []))
+    mesh: dict[str, Any] = {} if elements is None else {"elements": elements}
     how: Any = level
     if level == "trace":
         how = jshell.inversion.Snap(
-            ramp=ramp, origin=origin, starts=starts, engine=engine, checkpoint=checkpoint, progress=_tell,
-            **({} if elements is None else {"elements": elements}),
+            ramp=ramp, origin=origin, starts=starts, engine=engine, checkpoint=checkpoint, progress=_tell, **mesh
         )  # fmt: skip
     traces = [jshell.io.read_trace(file, meta=meta, **reading) for file in files]
     found = jshell.invert(
         traces, said, asked, local=tuple(_split(local or [])), start=start, stop=stop, free_rest=free_rest,
         nuisance=nuisance, exact=exact, level=how, channels=None if channels is None else tuple(_split([channels])),
-        **({} if elements is None else {"elements": elements}),
+        **mesh,
     )  # fmt: skip
     profiles = found.profile() if profile else None
     if plot is not None:
