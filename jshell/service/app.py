@@ -20,7 +20,7 @@ from jshell.oscillator import SOURCE, decay_by_law
 from jshell.service import reduced, safety, shape
 from jshell.service.api import films, health, jobs, simulate, traces
 from jshell.service.problems import KINDS, answer, render_errors
-from jshell.service.schemas import ProblemOut
+from jshell.service.replies import ProblemOut
 from jshell.service.settings import Settings
 from jshell.service.state import Counted, Metrics, Service
 from jshell.service.store import Store

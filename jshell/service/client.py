@@ -22,19 +22,12 @@ from jshell.files import NamedBytes
 from jshell.service import batches, chunks, sending
 from jshell.service.asking import Asking, error_of
 from jshell.service.asking import Unreachable as Unreachable
+from jshell.service.kinds import PLURAL
 from jshell.service.settings import MAX_BODY_BYTES
 from jshell.shell import Reduced
 from jshell.trace import Trace
 
 LOCAL = "http://127.0.0.1:8765"
-PLURAL = {
-    "fit": "fits",
-    "batch": "batches",
-    "simulate": "simulations",
-    "modes": "modes",
-    "look": "looks",
-    "film": "films",
-}
 OVER = ("done", "failed", "cancelled")
 Data = str | Path | Trace
 

@@ -13,20 +13,14 @@ from jshell.calibration import BatchResult, FitResult
 from jshell.errors import BadFile, JshellError, NotFound
 from jshell.files import NamedBytes
 from jshell.service import batches
+from jshell.service.kinds import PLURAL
 from jshell.service.problems import Refused
+from jshell.service.replies import JobOut, finite
 from jshell.service.safety import neutral_csv
-from jshell.service.schemas import Conditions, FilmOptions, FitRequest, JobOut, ModesRequest, SimulateRequest, finite
+from jshell.service.schemas import Conditions, FilmOptions, FitRequest, ModesRequest, SimulateRequest
 from jshell.service.store import JobRow, Store
 from jshell.trace import Trace
 
-PLURAL = {
-    "fit": "fits",
-    "batch": "batches",
-    "simulate": "simulations",
-    "modes": "modes",
-    "look": "looks",
-    "film": "films",
-}
 FILES = {  # by suffix; table and report of a batch are made of its record when they are asked for
     "fit": {"json": "record.json", "csv": "table.csv", "nc": "record.nc", "txt": "report.txt"},
     "batch": {"npz": "record.npz", "csv": "table.csv", "txt": "report.txt"},

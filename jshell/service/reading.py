@@ -7,7 +7,9 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
-from typing import Any
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
 
 from jshell import io
 from jshell.calibration.data import usual_channels
@@ -19,10 +21,12 @@ from jshell.io.formats import FORMATS, READ_ONLY, read_sheet
 from jshell.io.headers import CONDITION_KEYS
 from jshell.io.tables import Understood, understood
 from jshell.io.units import PURE
-from jshell.service.problems import brief
+from jshell.service.problems import brief, listed, of_validation
 from jshell.service.store import Store
 from jshell.shell.parameters import Reduced
 from jshell.trace import Trace
+
+Asked = TypeVar("Asked", bound=BaseModel)
 
 TEXT = ("", ".csv", ".txt", ".dat", ".tsv", ".tab")
 MAX_CACHED_TRACES = 64  # traces that stay in memory once read
@@ -146,6 +150,20 @@ def json_field(place: str, text: str, expected: str) -> Any:
     except (ValueError, RecursionError) as error:
         words = f"{brief(text)} ({brief(str(error) or 'too deep')})"
         raise BadValue(place, found=words, expected=expected, remedy="Write names and values as JSON.") from None
+
+
+def options_of(kind: type[Asked], text: str) -> Asked:
+    """What the field `options` of a form asks for.
+
+    Raises:
+        BadValue: It is no JSON, or not what the API's page says of it.
+    """
+    try:
+        return kind.model_validate(json_field("options, JSON", text, "{…}"))
+    except ValidationError as error:
+        found = of_validation(error.errors())
+        where = ", ".join(one["place"] for one in listed(error.errors())) or "JSON"
+        raise BadValue(f"options, {where}", found=found.found, expected=found.expected, remedy=found.remedy) from None
 
 
 def inspected(store: Store, trace: str) -> tuple[str, TraceContent]:

@@ -24,7 +24,7 @@ from jshell.dynamics.vibrations import Modes
 from jshell.errors import Outcome
 from jshell.membrane import RestShape, stability
 from jshell.service.problems import Refused
-from jshell.service.schemas import finite
+from jshell.service.replies import finite
 from jshell.shell.parameters import Reduced
 
 ELEMENTS, COUNT = 24, 4  # ω to 1e-6

@@ -3,16 +3,14 @@
 from typing import Annotated, no_type_check
 
 from fastapi import APIRouter, File, Form, Response, UploadFile
-from pydantic import ValidationError
 
 from jshell.camera.frames import FILMS
-from jshell.errors import BadName, BadValue
+from jshell.errors import BadName
 from jshell.service.api.answers import ONCE, Route
 from jshell.service.api.jobs import ACCEPTED, IdempotencyKey, accepted
 from jshell.service.films import is_film
 from jshell.service.jobs import film_specification
-from jshell.service.problems import listed, of_validation
-from jshell.service.reading import UPLOAD_SLOTS, json_field
+from jshell.service.reading import UPLOAD_SLOTS, options_of
 from jshell.service.safety import clean_name
 from jshell.service.schemas import FilmOptions
 from jshell.service.state import Here
@@ -33,12 +31,7 @@ def measure(
     key: IdempotencyKey = None,
 ) -> Response:
     """Outline the shell in every frame: height and width in time, and on to their frequencies."""
-    try:
-        chosen = FilmOptions.model_validate(json_field("options, JSON", options, "{…}"))
-    except ValidationError as error:
-        found = of_validation(error.errors())
-        where = ", ".join(one["place"] for one in listed(error.errors())) or "JSON"
-        raise BadValue(f"options, {where}", found=found.found, expected=found.expected, remedy=found.remedy) from None
+    chosen = options_of(FilmOptions, options)
     with UPLOAD_SLOTS:
         name, content = clean_name(file.filename), file.file.read()
         given = [checked(name, content)]

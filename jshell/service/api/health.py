@@ -8,7 +8,7 @@ from fastapi.responses import PlainTextResponse
 import jshell
 from jshell.errors import StoreUnavailable
 from jshell.service.api.answers import problem_responses
-from jshell.service.schemas import Health
+from jshell.service.replies import Health
 from jshell.service.state import Here
 
 router = APIRouter(tags=["service"])

@@ -5,14 +5,12 @@ from typing import Annotated, Any, no_type_check
 
 from fastapi import APIRouter, Body, File, Form, Header, Path, Query, Response, UploadFile
 from fastapi.responses import JSONResponse
-from pydantic import ValidationError
 
 from jshell.errors import BadValue
 from jshell.service.api.answers import ONCE, Before, Limit, Name, Route, binary, problem_responses
 from jshell.service.jobs import (
     FILES,
     MEDIA,
-    PLURAL,
     address,
     file_name,
     file_of,
@@ -25,21 +23,11 @@ from jshell.service.jobs import (
     packed,
     shown,
 )
-from jshell.service.problems import listed, of_validation
-from jshell.service.reading import UPLOAD_SLOTS, check_one_readable, json_field
+from jshell.service.kinds import PLURAL
+from jshell.service.reading import UPLOAD_SLOTS, check_one_readable, options_of
+from jshell.service.replies import FilmOut, FitOut, JobOut, JobPage, ModesOut
 from jshell.service.safety import attachment, clean_name
-from jshell.service.schemas import (
-    BatchOptions,
-    FilmOut,
-    FitOut,
-    FitRequest,
-    JobOut,
-    JobPage,
-    Key,
-    ModesOut,
-    ModesRequest,
-    State,
-)
+from jshell.service.schemas import BatchOptions, FitRequest, Key, ModesRequest, State
 from jshell.service.settings import MAX_BODY_BYTES
 from jshell.service.state import Here
 from jshell.service.store import JobRow, Submission
@@ -124,12 +112,7 @@ def batch_file(
 
 
 def _batch(here: Here, uploads: list[tuple[str, bytes]], options: str, key: str | None) -> Response:
-    try:
-        chosen = BatchOptions.model_validate(json_field("options, JSON", options, "{…}"))
-    except ValidationError as error:
-        found = of_validation(error.errors())
-        where = ", ".join(one["place"] for one in listed(error.errors())) or "JSON"
-        raise BadValue(f"options, {where}", found=found.found, expected=found.expected, remedy=found.remedy) from None
+    chosen = options_of(BatchOptions, options)
     _not_too_many(sum(packed(name, content) for name, content in uploads), here.settings.traces)
     check_one_readable(uploads)
     given = [Upload.of(name, content) for name, content in uploads]

@@ -12,7 +12,8 @@ from jshell.service import reduced
 from jshell.service.api.answers import Route, problem_responses
 from jshell.service.api.jobs import IdempotencyKey, accepted
 from jshell.service.jobs import simulator_specification
-from jshell.service.schemas import Conditions, JobOut, SimulateOut, SimulateRequest, finite
+from jshell.service.replies import JobOut, SimulateOut, finite
+from jshell.service.schemas import Conditions, SimulateRequest
 from jshell.service.state import Here
 from jshell.shell.parameters import CONDITION_FIELDS, Reduced
 

@@ -22,9 +22,10 @@ from jshell.service.reading import (
     settled,
     with_conditions,
 )
+from jshell.service.replies import TraceOut, TracePage, TraceRead
 from jshell.service.rows import JobFailure
 from jshell.service.safety import attachment, clean_name
-from jshell.service.schemas import ReadingFields, TraceOut, TracePage, TraceRead
+from jshell.service.schemas import ReadingFields
 from jshell.service.state import Here
 from jshell.service.uploads import TraceRow
 

@@ -6,13 +6,11 @@ from urllib.parse import urlencode
 
 from fastapi import APIRouter, Request, Response
 from fastapi.responses import HTMLResponse, RedirectResponse
-from pydantic import ValidationError
 from starlette.concurrency import run_in_threadpool
 
-from jshell.errors import BadValue, JshellError
+from jshell.errors import JshellError
 from jshell.service import jobs
 from jshell.service.jobs import film_specification, of_kind
-from jshell.service.problems import of_validation
 from jshell.service.safety import clean_name
 from jshell.service.schemas import FilmOptions
 from jshell.service.state import Here, Service
@@ -20,7 +18,7 @@ from jshell.service.store import JobRow
 from jshell.service.uploads import Upload
 from jshell.service.web import drawing, series
 from jshell.service.web.fits import _common
-from jshell.service.web.forms import FitForm
+from jshell.service.web.forms import FitForm, validated
 from jshell.service.web.templates import shown
 
 router = APIRouter(include_in_schema=False, default_response_class=HTMLResponse)
@@ -109,13 +107,7 @@ def _options(fields: Mapping[str, str]) -> FilmOptions:
     asked |= {name: True for name in ("bright", "section") if form.text(name)}
     if any(form.text(name) for name in HOLDER):
         asked["holder"] = tuple(int(form.number(name)) for name in HOLDER)
-    try:
-        return FilmOptions(**asked)
-    except ValidationError as error:
-        found = of_validation(error.errors())
-        raise BadValue(
-            f"field {found.place}", found=found.found, expected=found.expected, remedy="Correct the field."
-        ) from None
+    return validated(FilmOptions, asked, "Correct the field.")
 
 
 def _fields(job: JobRow) -> dict[str, str]:

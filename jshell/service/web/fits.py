@@ -12,7 +12,8 @@ from fastapi.responses import HTMLResponse, RedirectResponse
 from jshell.calibration import Estimate, FitResult
 from jshell.errors import RangeWarning
 from jshell.service import jobs
-from jshell.service.jobs import FILES, PLURAL, address, of_kind
+from jshell.service.jobs import FILES, address, of_kind
+from jshell.service.kinds import PLURAL
 from jshell.service.reading import conditions_of
 from jshell.service.state import Here, Service
 from jshell.service.store import JobRow

@@ -6,9 +6,9 @@ without JavaScript, and a link can hold all of it.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 from starlette.datastructures import ImmutableMultiDict
 
 from jshell.calibration.option_texts import read_texts
@@ -19,6 +19,7 @@ from jshell.service.problems import of_validation
 from jshell.service.schemas import FitRequest
 from jshell.service.store import JobRow
 
+Asked = TypeVar("Asked", bound=BaseModel)
 STRICT, MODAL = ("alpha1", "alpha2", "k_vs", "beta1"), ("alpha1", "alpha2", "k_vs", "tau")
 SYMBOLS = {
     "alpha1": ("α₁", "added-mass factor of the volume"),
@@ -47,6 +48,19 @@ class Choice:
     name: str
     words: str
     values: tuple[tuple[str, str], ...]
+
+
+def validated(kind: type[Asked], fields: Mapping[str, Any], remedy: str) -> Asked:
+    """What the fields of a form ask for.
+
+    Raises:
+        BadValue: A field that the API would refuse, too.
+    """
+    try:
+        return kind.model_validate(fields)
+    except ValidationError as error:
+        found = of_validation(error.errors())
+        raise BadValue(f"field {found.place}", found=found.found, expected=found.expected, remedy=remedy) from None
 
 
 def selects(loss: str) -> list[Choice]:
@@ -133,13 +147,7 @@ class FitForm:
                 uncertain[name] = self.number(f"relative.{name}") / 100
         asked |= {"fix": fix, "bounds": bounds, "tie": tie, "local": local, "uncertain": uncertain}
         asked["profile"] = self.text("profile") == "on"
-        try:
-            return FitRequest.model_validate(asked)
-        except ValidationError as error:
-            found = of_validation(error.errors())
-            raise BadValue(
-                f"field {found.place}", found=found.found, expected=found.expected, remedy="Correct the field."
-            ) from None
+        return validated(FitRequest, asked, "Correct the field.")
 
     def written(self, name: str) -> Any:
         """An option that is written as in the terminal, several with commas between; times in the form's unit."""

@@ -12,7 +12,8 @@ from starlette.concurrency import run_in_threadpool
 
 from jshell.errors import JshellError, NotFound
 from jshell.service import sessions
-from jshell.service.jobs import PLURAL, summary
+from jshell.service.jobs import summary
+from jshell.service.kinds import PLURAL
 from jshell.service.problems import KINDS, Kind, Refused, headers_of
 from jshell.service.safety import COOKIE
 from jshell.service.state import Here

@@ -8,21 +8,20 @@ from urllib.parse import urlencode
 import numpy as np
 from fastapi import APIRouter, Request, Response
 from fastapi.responses import HTMLResponse, JSONResponse, RedirectResponse
-from pydantic import ValidationError
 from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import ImmutableMultiDict
 
-from jshell.errors import BadValue, JshellError
+from jshell.errors import JshellError
 from jshell.oscillator import SOURCE
 from jshell.service import jobs, shape
 from jshell.service.api.simulate import answered, conditions
 from jshell.service.jobs import modes_specification, of_kind, simulator_specification
-from jshell.service.problems import of_validation
+from jshell.service.kinds import PLURAL
 from jshell.service.schemas import Conditions, ModesRequest, SimulateRequest
 from jshell.service.state import Here, Service
 from jshell.service.web import drawing, series
 from jshell.service.web.fits import _common
-from jshell.service.web.forms import FitForm
+from jshell.service.web.forms import FitForm, validated
 from jshell.service.web.templates import shown
 
 router = APIRouter(include_in_schema=False, default_response_class=HTMLResponse)
@@ -123,7 +122,7 @@ async def _handed_in(
 
     def handed_in() -> Response:
         job = here.store.submit(kind, specification(_asked(fields)), []).job
-        return RedirectResponse(f"/{jobs.PLURAL[kind]}/{job.id}", 303)
+        return RedirectResponse(f"/{PLURAL[kind]}/{job.id}", 303)
 
     return await run_in_threadpool(handed_in)
 
@@ -186,13 +185,7 @@ def _asked(fields: Any) -> SimulateRequest:
     numbers = {name: form.number(name) for name in names}
     if "elements" in numbers:
         numbers["elements"] = int(numbers["elements"])
-    try:
-        return SimulateRequest(**numbers)  # pyright: ignore[reportArgumentType]
-    except ValidationError as error:
-        found = of_validation(error.errors())
-        raise BadValue(
-            f"field {found.place}", found=found.found, expected=found.expected, remedy="Move the slider."
-        ) from None
+    return validated(SimulateRequest, numbers, "Move the slider.")
 
 
 def _ratio(above: float | None, below: float | None) -> float | None:
