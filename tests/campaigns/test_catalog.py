@@ -45,7 +45,7 @@ def test_rows_are_found_by_family_and_by_value(undisturbed):
 
 
 def test_dataset_holds_the_table_and_the_records(shipped):
-    pytest.importorskip("xarray")
+    pytest.importorskip("xarray", reason="no xarray: pip install jshell[io]")
     two = shipped.where(family="R-free").to_xarray(records=True)
     assert two["d_hat"].values.tolist() == [0.22]
     record = shipped.where(family="R-free")[0].trace

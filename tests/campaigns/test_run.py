@@ -76,7 +76,7 @@ def test_campaign_killed_in_its_process_and_resumed_here_equals_an_undisturbed_o
 
 @pytest.mark.long
 def test_cluster_gives_the_same_files(small, undisturbed, tmp_path):
-    distributed = pytest.importorskip("distributed")
+    distributed = pytest.importorskip("distributed", reason="no Dask: pip install distributed")
     with (
         distributed.LocalCluster(
             n_workers=1, threads_per_worker=1, processes=False, protocol="tcp", host="127.0.0.1", dashboard_address=":0"
@@ -163,7 +163,7 @@ def test_campaign_killed_at_a_random_time_gives_the_same_catalogue(small, undist
 
 @pytest.mark.slow
 def test_processes_and_a_cluster_of_processes_give_the_same_files(small, undisturbed, tmp_path):
-    distributed = pytest.importorskip("distributed")
+    distributed = pytest.importorskip("distributed", reason="no Dask: pip install distributed")
     campaigns.run(small, tmp_path / "processes", engine="processes:2")
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=":0"

@@ -26,7 +26,7 @@ def built(tmp_path_factory) -> Path:
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_no_page_has_a_serious_fault(built, scheme):
     axe = pytest.importorskip("axe_playwright_python.base", reason="pip install axe-playwright-python")
-    browsers = pytest.importorskip("playwright.sync_api")
+    browsers = pytest.importorskip("playwright.sync_api", reason="no playwright: pip install playwright")
     chromium = shutil.which("chromium") or shutil.which("google-chrome")
     if chromium is None:
         pytest.skip("no chromium: apt-get install chromium")

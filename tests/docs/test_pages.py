@@ -203,7 +203,7 @@ def test_pages_are_in_a_table_of_contents():
 
 @pytest.mark.slow
 def test_the_pages_build_without_a_warning(tmp_path):
-    pytest.importorskip("sphinx")
+    pytest.importorskip("sphinx", reason="no Sphinx: pip install 'jshell[docs]'")
     words = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-b", "html", str(DOCS), str(tmp_path)]
     done = subprocess.run(words, capture_output=True, text=True, timeout=600, check=False)
     assert done.returncode == 0, done.stderr

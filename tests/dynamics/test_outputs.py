@@ -90,7 +90,7 @@ def test_the_liquid_around_a_sample_is_that_of_its_shape(motion):
 
 @pytest.mark.long
 def test_a_motion_becomes_a_dataset(motion):
-    xarray = pytest.importorskip("xarray")
+    xarray = pytest.importorskip("xarray", reason="no xarray: pip install jshell[io]")
     data = to_xarray(motion, np.linspace(0.0, np.pi, 37))
     assert isinstance(data, xarray.Dataset)
     assert data["x"].dims == ("t", "theta")

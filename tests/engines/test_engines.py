@@ -165,7 +165,7 @@ def test_exception_ends_what_runs_and_drops_what_waits():
 
 @pytest.mark.slow
 def test_dead_worker_of_a_cluster_costs_its_own_task_and_is_not_tried_again():
-    distributed = pytest.importorskip("distributed")
+    distributed = pytest.importorskip("distributed", reason="no Dask: pip install distributed")
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=":0"
     ) as cluster:

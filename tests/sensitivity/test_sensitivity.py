@@ -91,7 +91,7 @@ def test_sobol_indices_of_a_known_function():
 
 def test_sobol_indices_of_the_macroshells_against_salib():
     """ω- over Table 1's macroshells, loaded at their own thresholds, by SALib's own sampling and estimators."""
-    pytest.importorskip("SALib")
+    pytest.importorskip("SALib", reason="no SALib: pip install SALib")
     from SALib.analyze import sobol as analyse
     from SALib.sample import sobol as sample
 

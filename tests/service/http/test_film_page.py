@@ -36,6 +36,16 @@ def drop(page, path: Path) -> None:
     page.evaluate(DROP, [path.name, base64.b64encode(path.read_bytes()).decode()])
 
 
+def fit_with_fixed_alpha2(page) -> None:
+    """From a recording that was read to its fit: conditions, one constant held, done."""
+    give_conditions(page)
+    expect(page.locator("figure[data-drawn] canvas")).to_have_count(2)
+    page.get_by_label("Role of α₂").select_option("fixed")
+    page.get_by_label("Fixed value of α₂").fill("1.1")
+    page.get_by_role("button", name="Fit", exact=True).click()
+    page.wait_for_selector("#chi", timeout=PATIENT)
+
+
 def give_conditions(page) -> None:
     page.wait_for_url("**/traces/conditions?trace=*")
     for label, text in CONDITIONS.items():
@@ -99,12 +109,7 @@ def test_a_film_is_dropped_and_its_shell_measured_analysed_and_fitted(page, serv
     assert page.get_by_text("the one sent before").count() == 1
     page.go_back()
     page.get_by_role("button", name="Fit the short model to it").click()
-    give_conditions(page)
-    expect(page.locator("figure[data-drawn] canvas")).to_have_count(2)
-    page.get_by_label("Role of α₂").select_option("fixed")
-    page.get_by_label("Fixed value of α₂").fill("1.1")
-    page.get_by_role("button", name="Fit", exact=True).click()
-    page.wait_for_selector("#chi", timeout=PATIENT)
+    fit_with_fixed_alpha2(page)
     fits_in(page, "film-fit")
 
 
@@ -120,12 +125,7 @@ def test_a_table_is_dropped_its_columns_chosen_and_the_fit_shown(page, tmp_path)
         page.get_by_label(f"Unit of column {place}").fill(unit)
     fits_in(page, "table-settle")
     page.get_by_role("button", name="Read it so").click()
-    give_conditions(page)
-    expect(page.locator("figure[data-drawn] canvas")).to_have_count(2)
-    page.get_by_label("Role of α₂").select_option("fixed")
-    page.get_by_label("Fixed value of α₂").fill("1.1")
-    page.get_by_role("button", name="Fit", exact=True).click()
-    page.wait_for_selector("#chi", timeout=PATIENT)
+    fit_with_fixed_alpha2(page)
     assert page.locator("#outcome").inner_text().startswith("ok")
 
 
