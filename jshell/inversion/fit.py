@@ -37,6 +37,7 @@ HEARD = 20.0  # of χ², that a further mode must take: two amplitudes fitted to
 ROUNDS = 5  # of noise and minimum
 NEAR = 9.0  # of χ²: two minima nearer than this cannot be told apart
 APART = 5.0  # standard errors between them that make them two
+Settled = tuple[Ending, list[Weighing], list[list[Noise]]]
 
 
 def invert(
@@ -192,9 +193,6 @@ def _from_starts(model: Model, begun: np.ndarray, weighings: Sequence[Weighing])
         if k > 0 and np.isfinite(ending.cost) and described(model, min(endings, key=_rank).lefts):
             break
     return sorted(endings, key=_rank)
-
-
-Settled = tuple[Ending, list[Weighing], list[list[Noise]]]
 
 
 def _others(model: Model, begun: np.ndarray, weighings: list[Weighing]) -> tuple[list[Ending], Settled | None]:

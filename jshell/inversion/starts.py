@@ -29,7 +29,7 @@ ROUNDS, AROUND, KEPT = 6, 1024, 24
 SPREADS = {"frequency": 0.04, "decay": 0.35, "rest": 0.02}  # of the interpolation, relative
 STARTS, IN_ALL = 4, 8  # tried in any case; with those that are tried where they leave a misfit
 APART = 0.05  # of the bounds' span: starts nearer than this are one
-ELSEWHERE = 0.15  # the same of starts that are tried where the best leave a misfit
+ELSEWHERE = 0.15  # of the span too, between starts that are tried where the best leave a misfit
 WORSE = 60.0  # of χ² above the best that a start may lie which is tried in any case
 OUTSIDE = 1e4
 PREFERRED = 1.0  # of χ², for each mode passed over
@@ -100,7 +100,7 @@ def starts(recordings: tuple[Recording, ...], space: Space) -> tuple[np.ndarray,
     _choose(chosen, draws[promising], chi[promising], STARTS, APART)
     found = len(chosen)
     _choose(chosen, swept, of_swept, IN_ALL, ELSEWHERE)  # the rounds have drawn together about the best
-    return low + np.stack(chosen) * (high - low), found
+    return low + np.reshape(chosen, (-1, low.size)) * (high - low), found
 
 
 def _choose(chosen: list[np.ndarray], draws: np.ndarray, chi: np.ndarray, count: int, apart: float) -> None:
