@@ -35,7 +35,7 @@ VERBS = {
     "fit": ("fits", "Fit the short model's constants."),
     "invert": (
         "inversion",
-        "Invert ring-downs: modulus, gas, pad, … of the shell, by the simulator's own vibrations.",
+        "Invert ring-downs, or records through the snap: modulus, gas, pad, … of the shell, by the simulator.",
     ),
     "show": ("fits", "Show a saved fit: its report and its picture, without fitting again."),
     "frequencies": (
