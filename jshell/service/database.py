@@ -59,12 +59,13 @@ class Database:
             )
         self.sqlite = kind == "sqlite"
         self.place = f"database {self.url.render_as_string(hide_password=True)!r}"
-        self._turn = threading.Lock()
+        self._turn, self._closed = threading.Lock(), False
         self._checkpoints = Checkpoints(self._checkpoint)
         if self.sqlite:
             self._engine = self._open_file(self.url)
         else:
             self._engine = self._reach(self.url)
+        event.listen(self._engine, "checkin", self._returned)
         try:
             with self.writing() as connection:
                 if not self.sqlite:  # two servers that start at once: one of them makes the tables
@@ -83,9 +84,15 @@ class Database:
         self.place = "database"  # where it lies is for its keeper only, who has started it
 
     def close(self) -> None:
-        """Let go of every connection."""
+        """Let go of every connection; one still in use is closed when its user returns it."""
         self._checkpoints.close()
+        self._closed = True
         self._engine.dispose()
+
+    def _returned(self, _, record: sa.pool.ConnectionPoolEntry) -> None:
+        """A pool that was disposed of would keep what comes back to it open until it is collected."""
+        if self._closed:
+            record.invalidate()
 
     @property
     def clock(self) -> sa.ColumnElement[float]:

@@ -72,6 +72,16 @@ def test_files_that_come_with_a_job_are_kept_if_the_job_is(url):
     again.close()
 
 
+def test_a_connection_in_use_while_the_store_closes_is_closed_when_it_comes_back(url):
+    store = Store.open(url)
+    with store.database.reading() as connection:
+        held = connection.connection.driver_connection
+        store.close()
+        assert connection.execute(sa.select(1)).scalar() == 1  # what was begun may end
+    with pytest.raises(Exception, match="closed"):
+        held.execute("SELECT 1")
+
+
 def test_lists_are_paged_from_the_newest(store):
     names = [store.add_trace(f"{number}.csv", bytes([number])).id for number in range(5)]
     assert [row.id for row in store.traces(limit=2)] == names[:2:-1]
