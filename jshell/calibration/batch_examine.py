@@ -69,12 +69,12 @@ def study(run: Any, which: np.ndarray, free: np.ndarray, *, white: bool) -> None
 def _study(run: Any, bucket: Bucket, chosen: np.ndarray, free: np.ndarray, *, white: bool) -> None:
     """The same of some records of a bucket, so few that what is made of them stays in the cache."""
     rows = bucket.rows[chosen]
-    left = _residuals(run, bucket, chosen)
+    left = _leftover(run, bucket, chosen)
     memory = _memories(run, bucket, chosen, left, free)
     coherent = _coherent(bucket, chosen, left, memory)
     if not white:
         run.studied.memory[rows] = memory
-    rms = np.sqrt(left.power / bucket.counts[chosen, None])
+    rms = np.sqrt(left.sums.power / bucket.counts[chosen, None])
     more = rms > MISFIT
     if not run.absolute:
         more &= ~((memory > 0) & ~coherent & is_explained(np.maximum(rms, 1e-300), 1.0, memory))
@@ -108,6 +108,9 @@ def _scatters(bucket: Bucket, chosen: np.ndarray) -> np.ndarray:
 
 def _alike(counts: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
     """Lengths that there are, and who has them."""
+    if counts.size and (counts == counts[0]).all():  # as most batches are: sorting them would cost more than a step
+        yield int(counts[0]), np.arange(counts.size)
+        return
     for count in np.unique(counts):
         yield int(count), np.flatnonzero(counts == count)
 
@@ -141,30 +144,57 @@ def _blocks(run: Any, bucket: Bucket, chosen: np.ndarray) -> Iterator[tuple[np.n
         )
 
 
-def _residuals(run: Any, bucket: Bucket, chosen: np.ndarray) -> Left:
-    """What is left of chosen records, (chosen, channels, …) each; the halves (chosen, 2, channels)."""
-    parts, channels = [], bucket.values.shape[1]
+class Leftover(NamedTuple):
+    """What is left of chosen records.
+
+    Attributes:
+        blocks: Residuals as they were computed, (channels, times, lanes) each: turned over only for records that ask.
+        sums: As `Left`, (chosen, channels) each and the halves (chosen, 2, channels); without the residuals.
+        peak: (chosen, channels) chance of the largest peak, to single precision, no memory taken out.
+    """
+
+    blocks: list[np.ndarray]
+    sums: Left
+    peak: np.ndarray
+
+    def records(self, which: np.ndarray) -> np.ndarray:
+        """(which, channels, times) residuals of some of the records."""
+        lanes = self.blocks[0].shape[-1]
+        found = np.empty((which.size, *self.blocks[0].shape[:-1]))
+        for number in np.unique(which // lanes):
+            mine = which // lanes == number
+            found[mine] = np.moveaxis(self.blocks[number], -1, 0)[which[mine] % lanes]
+        return found
+
+
+def _leftover(run: Any, bucket: Bucket, chosen: np.ndarray) -> Leftover:
+    """What is left of chosen records of a bucket."""
+    blocks, parts, channels = [], [], bucket.values.shape[1]
+    peak = np.empty((chosen.size, channels))
     for mine, rows, given in _blocks(run, bucket, chosen):
         state = run.found.state[:, rows]
-        parts.append([np.moveaxis(np.asarray(x)[..., : mine.size], -1, 0) for x in residual(
-            run.found.unknowns[:, rows], state[:-channels], state[-channels:], given
-        )])  # fmt: skip
-    return Left(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+        left = residual(run.found.unknowns[:, rows], state[:-channels], state[-channels:], given)
+        blocks.append(np.asarray(left.residual))
+        parts.append([np.moveaxis(np.asarray(x)[..., : mine.size], -1, 0) for x in left[1:]])
+        for count, lanes in _alike(bucket.counts[chosen[mine]]):
+            alike = blocks[-1][:, :count] if lanes.size == rows.size else blocks[-1][:, :count, lanes]
+            peak[mine[lanes]] = peak_chance(alike.astype(np.float32), axis=1).T
+    return Leftover(blocks, Left(None, *(np.concatenate(part) for part in zip(*parts, strict=True))), peak)
 
 
-def _memories(run: Any, bucket: Bucket, chosen: np.ndarray, left: Left, free: np.ndarray) -> np.ndarray:
+def _memories(run: Any, bucket: Bucket, chosen: np.ndarray, left: Leftover, free: np.ndarray) -> np.ndarray:
     """(chosen, channels) φ where the tests of white noise fail, else 0."""
-    count = bucket.counts[chosen, None]
+    count, sums = bucket.counts[chosen, None], left.sums
     with np.errstate(all="ignore"):
-        lag1 = left.neighbours / (left.power - count * left.mean**2)
-        correlated = is_correlated(lag1 * np.sqrt(count), runs_from(left.above, left.changes, count))
+        lag1 = sums.neighbours / (sums.power - count * sums.mean**2)
+        correlated = is_correlated(lag1 * np.sqrt(count), runs_from(sums.above, sums.changes, count))
     memory, some = np.zeros(correlated.shape), np.flatnonzero(correlated.any(axis=1))
     # of a channel, alpha1, alpha2 and k_vs move the two frequencies; what else they do its own amplitudes do as well
     fitted = free.astype(float)
     fitted[0] *= not free[:3].all()
     for mine, rows, given in _blocks(run, bucket, chosen[some]):
         at = run.found.unknowns[:, rows], run.found.state[: -bucket.values.shape[1], rows], fitted
-        mine_left = left.residual[some[mine]]
+        mine_left = left.records(some[mine])
         if bucket.elapsed is None:
             r = side_by_side(np.resize(mine_left, (rows.size, *mine_left.shape[1:])), given.values.shape[1])
             found = np.asarray(memory_of(*at, r, given)).T[: mine.size]
@@ -197,32 +227,35 @@ def _over_steps(bucket: Bucket, j: Any, phi: Any) -> np.ndarray:
     return memory
 
 
-def _coherent(bucket: Bucket, chosen: np.ndarray, left: Left, memory: np.ndarray) -> np.ndarray:
+def _coherent(bucket: Bucket, chosen: np.ndarray, left: Leftover, memory: np.ndarray) -> np.ndarray:
     """(chosen, channels) whether what is left moves as no noise does, once its memory is taken out."""
-    found = np.zeros(memory.shape, bool)
-    for count, mine in _alike(bucket.counts[chosen]):
-        fresh = left.residual[mine][..., :count]
-        early, whole, size = left.halves[mine, 0], left.halves[mine, 1], left.size[mine]
-        some = np.flatnonzero(memory[mine].any(axis=1))
-        if some.size:
-            fresh[some] = _whitened(bucket, chosen[mine[some]], fresh[some], memory[mine[some]])
-            root = np.sqrt(np.abs(fresh[some]))
-            early[some], whole[some] = root[..., : count // 2].sum(axis=-1), root.sum(axis=-1)
-            size[some] = np.einsum("...t,...t->...", root, root)
-        with np.errstate(all="ignore"):
-            # ranks cost a sort: they are asked where the mean sizes of the halves differ at all; roots bear outliers
-            spread = np.sqrt(np.maximum(size / count - (whole / count) ** 2, 0.0))
-            differ = np.abs(2 * early - whole) > UNEVEN_SIZES * spread * np.sqrt(count)
-        with np.errstate(all="ignore"):
-            peak = peak_chance(fresh.astype(np.float32))
-            near = peak < 100 * COHERENT  # single precision errs by 1e-4 of the chance
-            peak = np.where(near, np.inf, peak)
-            peak[near] = peak_chance(fresh[near])
-        envelope = np.ones(peak.shape)
-        for k, c in zip(*np.nonzero(differ), strict=True):
-            envelope[k, c] = envelope_chance(fresh[k, c])
-        found[mine] = is_coherent(peak, envelope)
-    return found
+    counts, peak, envelope = bucket.counts[chosen], left.peak.copy(), np.ones(memory.shape)
+    early, whole, size = left.sums.halves[:, 0].copy(), left.sums.halves[:, 1].copy(), left.sums.size.copy()
+
+    def fresh(some: np.ndarray, count: int) -> np.ndarray:
+        return _whitened(bucket, chosen[some], left.records(some)[..., :count], memory[some])
+
+    remembers = np.flatnonzero(memory.any(axis=1))
+    for count, mine in _alike(counts[remembers]):
+        some = remembers[mine]
+        noise = fresh(some, count)
+        root = np.sqrt(np.abs(noise))
+        early[some], whole[some] = root[..., : count // 2].sum(axis=-1), root.sum(axis=-1)
+        size[some] = np.einsum("...t,...t->...", root, root)
+        peak[some] = peak_chance(noise.astype(np.float32))
+    with np.errstate(all="ignore"):
+        # ranks cost a sort: they are asked where the mean sizes of the halves differ at all; roots bear outliers
+        spread = np.sqrt(np.maximum(size / counts[:, None] - (whole / counts[:, None]) ** 2, 0.0))
+        differ = np.abs(2 * early - whole) > UNEVEN_SIZES * spread * np.sqrt(counts[:, None])
+    near = peak < 100 * COHERENT  # single precision errs by 1e-4 of the chance
+    asked = np.flatnonzero((near | differ).any(axis=1))
+    for count, mine in _alike(counts[asked]):
+        some = asked[mine]
+        noise = fresh(some, count)
+        peak[some] = np.where(near[some], peak_chance(noise), np.inf)
+        for k, c in zip(*np.nonzero(differ[some]), strict=True):
+            envelope[some[k], c] = envelope_chance(noise[k, c])
+    return is_coherent(np.where(near, peak, np.inf), envelope)
 
 
 def _whitened(bucket: Bucket, chosen: np.ndarray, left: np.ndarray, memory: np.ndarray) -> np.ndarray:

@@ -4,9 +4,9 @@ Symbols    b basis of `batch_kernel`, then the constant   r weighted residual
 Valid for  as `batch_kernel`
 """
 
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 
@@ -16,7 +16,9 @@ from jshell.signals.lanes import centred, lanewise, stage, total
 from jshell.signals.wave_sums import INNER, powers
 
 
-class Given(eqx.Module):
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Given:  # no module of equinox: there is one for every block, and making that takes as long as what it holds
     """Records side by side, and what their fits were given; the last axis of arrays is the block.
 
     Attributes:
@@ -35,7 +37,7 @@ class Given(eqx.Module):
     volume: Any
     weight: Any
     elapsed: Any = None
-    modal: bool = eqx.field(static=True, default=False)
+    modal: bool = field(metadata={"static": True}, default=False)
 
     def block(self) -> Block:
         """As the search of white noise had it."""
@@ -105,13 +107,12 @@ def residual(unknowns: jax.Array, linear: jax.Array, rest: jax.Array, given: Giv
     inside = (jnp.arange(size)[:, None] < count).astype(float)
     modes = stage(lambda u: shape(u, given), go, unknowns)
     r = stage(lambda modes, given: left_of(modes, linear, rest, given, inside), go, modes, given)
-    whole = stage(lambda r: _grouped_sums(r, lambda y, _: y), go, r)
+    whole = stage(lambda r: jnp.sum(r, axis=1), go, r)
     mean = whole / count
 
     def sums(r, mean, inside):
-        # every sample is read once: groups of INNER are summed unrolled, then the groups
-        one = lambda of: _grouped_sums(r, of, mean, inside)  # noqa: E731
-        return one(lambda y, _: y * y), one(lambda y, _: jnp.abs(y)), one(lambda y, up: up)
+        up = jnp.where(r > mean[:, None], inside, 0.0)
+        return jnp.sum(r * r, axis=1), jnp.sum(jnp.abs(r), axis=1), jnp.sum(up, axis=1)
 
     power, absolute, above = stage(sums, go, r, mean, inside)
     neighbours, changes = stage(lambda r, mean: _between(r, mean, count), go, r, mean)
@@ -133,14 +134,6 @@ def left_of(modes: Shape, linear: jax.Array, rest: jax.Array, given: Any, inside
         b = basis(modes, given, inside)
         curve = jnp.stack([total(part[i] * b[i] for i in range(4)) for part in parts])
     return jnp.sqrt(given.weight)[:, None] * jnp.where(inside > 0, curve + rest[:, None] - given.values, 0.0)
-
-
-def _grouped_sums(r: jax.Array, of: Any, mean: Any = None, inside: Any = None) -> jax.Array:
-    """(channels, block) sum of a function of every sample, and of whether it lies above the mean."""
-    groups = r.reshape(r.shape[0], -1, INNER, r.shape[2])
-    there: Any = None if inside is None else inside.reshape(-1, INNER, r.shape[2])
-    up = lambda j: None if mean is None else jnp.where(groups[:, :, j] > mean[:, None], there[:, j], 0.0)  # noqa: E731
-    return jnp.sum(total(of(groups[:, :, j], up(j)) for j in range(INNER)), axis=1)
 
 
 def _between(r: jax.Array, mean: jax.Array, count: jax.Array) -> tuple[jax.Array, jax.Array]:

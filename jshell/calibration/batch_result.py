@@ -201,7 +201,9 @@ def read(run) -> BatchResult:
     usable = ~run.unusable & run.buckled
     finite = usable & np.isfinite(found.cost) & np.all(np.isfinite(u), axis=0)
     ended = {CONVERGED: Outcome.OK, RUNNING: Outcome.NOT_CONVERGED}
-    outcome = np.array([int(ended.get(int(s), Outcome.STALLED)) for s in found.status])
+    outcome = np.full(rows, int(Outcome.STALLED))
+    for status, word in ended.items():
+        outcome[found.status == status] = int(word)
     free = box.free
     at_bound = np.any(((u <= run.low[:, None]) | (u >= run.high[:, None])) & free[:, None], axis=0)
     outcome = np.where((outcome == Outcome.OK) & at_bound, int(Outcome.AT_BOUND), outcome)

@@ -114,15 +114,17 @@ def runs_from(above: Any, changes: Any, total: Any) -> Any:
     return np.where(np.minimum(above, below) < 2, 0.0, (1 + changes - mean) / np.sqrt(np.maximum(variance, 1e-12)))[()]
 
 
-def peak_chance(left: np.ndarray) -> Any:
-    """Chance of the largest share that one frequency takes of the power (Fisher's g), along the last axis."""
-    waves = np.asarray(scipy.fft.rfft(left))[..., 1 : (left.shape[-1] + 1) // 2]  # without the mean
-    parts = waves.view(left.dtype).reshape(*waves.shape, 2)
-    power = np.einsum("...p,...p->...", parts, parts)
-    count, total = power.shape[-1], power.sum(axis=-1)
+def peak_chance(left: np.ndarray, axis: int = -1) -> Any:
+    """Chance of the largest share that one frequency takes of the power (Fisher's g), along an axis."""
+    length = left.shape[axis]
+    waves = np.asarray(scipy.fft.rfft(left, axis=axis))
+    waves = np.moveaxis(waves, axis, 0)[1 : (length + 1) // 2]  # without the mean
+    power = waves.real**2
+    power += waves.imag**2
+    count, total = power.shape[0], power.sum(axis=0)
     if count < 4:
-        return np.ones(left.shape[:-1])[()]
-    share = power.max(axis=-1) / np.where(total > 0, total, np.inf)
+        return np.ones(total.shape)[()]
+    share = power.max(axis=0) / np.where(total > 0, total, np.inf)
     return np.where(total > 0, np.minimum(1.0, count * np.maximum(0.0, 1 - share) ** (count - 1)), 1.0)[()]
 
 

@@ -280,6 +280,10 @@ def mean_volumes(records: Recordings) -> np.ndarray:
     if "V" not in records.channels:
         return np.full(np.shape(records.values)[0], np.nan)
     volumes = np.asarray(records.values)[:, records.channels.index("V")]
+    if records.counts is None:
+        whole = volumes.mean(axis=1)
+        if np.isfinite(whole).all():
+            return whole
     there = np.isfinite(volumes)
     if records.counts is not None:
         there = there & (np.arange(volumes.shape[1]) < np.asarray(records.counts)[:, None])

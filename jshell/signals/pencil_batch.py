@@ -20,6 +20,7 @@ from jaxtyping import Array, Bool, Float
 from jshell.signals.lanes import backward, cholesky, forward, listed, stage, total
 
 CELLS = 100  # a record has about so many
+TOGETHER = 4  # windows that are summed in one pass
 WIDTH = 24  # cells of a window: it must hold half a turn of the slow mode
 ORDER = 4
 SWEEPS = 6  # of the subspace iteration
@@ -65,22 +66,25 @@ def _covariance(y: Float[Array, "channels cells block"], whole: Float[Array, " b
     """(WIDTH, WIDTH, block) of all centred windows, summed over channels."""
     channels, cells, block = y.shape
     windows = jnp.maximum(whole - WIDTH + 1, 1.0)  # of each record
-    padded = jnp.concatenate([y, jnp.zeros((channels, WIDTH, block))], axis=1)
-    inside = (jnp.arange(cells)[:, None] < windows[None]).astype(float)
+    padded = jnp.pad(y, ((0, 0), (0, WIDTH + TOGETHER), (0, 0)))
+    begins = padded * (jnp.arange(padded.shape[1])[:, None] < windows[None])  # the first cells of windows
 
-    def gather(i, carried):
-        products, means = carried
-        window = jax.lax.dynamic_slice_in_dim(padded, i, WIDTH, 1)  # (channels, WIDTH, block)
-        weight = inside[i]
-        return products + weight * total(window[c, :1] * window[c] for c in range(channels)), means + weight * window
+    def gather(group, products):
+        # a few windows at a time: sums are read from memory and written once for all of them
+        i = group * TOGETHER
+        cell = jax.lax.dynamic_slice_in_dim(begins, i, TOGETHER, 1)
+        window = jax.lax.dynamic_slice_in_dim(padded, i, WIDTH + TOGETHER - 1, 1)
+        return products + total(cell[c, q] * window[c, q : q + WIDTH] for c in range(channels) for q in range(TOGETHER))
 
-    empty = jnp.zeros((WIDTH, block)), jnp.zeros((channels, WIDTH, block))
-    first, means = jax.lax.fori_loop(0, cells, gather, empty)
-    means = means / windows
+    first = jax.lax.fori_loop(0, -(-cells // TOGETHER), gather, jnp.zeros((WIDTH, block)))
 
-    # every further row from the one before: a window enters at the end, one leaves at the start
+    # every further row, and mean, from the one before: a window enters at the end, one leaves at the start
     last = windows.astype(int)[None, None] + jnp.arange(WIDTH)[None, :, None]
     enters = jnp.take_along_axis(padded, jnp.broadcast_to(last, (channels, WIDTH, block)), axis=1)
+    sums = [jnp.sum(begins, axis=1)]
+    for j in range(1, WIDTH):
+        sums.append(sums[-1] + enters[:, j - 1] - padded[:, j - 1])
+    means = jnp.stack(sums, axis=1) / windows
     rows = [first]
     for j in range(1, WIDTH):
         change = total(
