@@ -14,7 +14,7 @@ Source     Mokbel et al. 2021: eq:eqmovadimV, eq:eqmovadimS, eq:defw, eq:taureal
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -31,13 +31,13 @@ from jshell.calibration.starts import find_modes, first_start
 from jshell.errors import BadName, BadValue
 from jshell.oscillator.simulate import SOLVERS
 from jshell.signals.lane_search import CONVERGED, RUNNING
-from jshell.signals.lanes import blocks_for, side_by_side
+from jshell.signals.lanes import VECTORS, blocks_for, side_by_side
 from jshell.signals.pencil_batch import CELLS
 from jshell.trace import Trace
 
 ROUNDS = 12  # of seven steps
 HOPELESS = 256  # more records than this in one call get no single care
-_solve = eqx.filter_jit(solve_blocks)
+_solve = jax.jit(solve_blocks, static_argnames="cell", compiler_options=VECTORS)
 
 Progress = Callable[[int, int], None]
 
@@ -217,7 +217,8 @@ class _Batch:
             def blocks(values, lanes=lanes, used=used):
                 if together == 1:
                     return side_by_side(values[lanes[0]], padded)[None]
-                whole = np.zeros((together, *values.shape[1:-1], padded, size))
+                whole = np.empty((together, *values.shape[1:-1], padded, size))
+                whole[..., length:, :], whole[used:] = 0.0, 0.0
                 for block in range(used):
                     whole[block, ..., :length, :] = np.moveaxis(values[lanes[block]], 0, -1)
                 return whole

@@ -175,11 +175,12 @@ def _leftover(run: Any, bucket: Bucket, chosen: np.ndarray) -> Leftover:
         state = run.found.state[:, rows]
         left = residual(run.found.unknowns[:, rows], state[:-channels], state[-channels:], given)
         blocks.append(np.asarray(left.residual))
-        parts.append([np.moveaxis(np.asarray(x)[..., : mine.size], -1, 0) for x in left[1:]])
+        parts.append([np.asarray(x)[..., : mine.size] for x in left[1:]])
         for count, lanes in _alike(bucket.counts[chosen[mine]]):
             alike = blocks[-1][:, :count] if lanes.size == rows.size else blocks[-1][:, :count, lanes]
             peak[mine[lanes]] = peak_chance(alike.astype(np.float32), axis=1).T
-    return Leftover(blocks, Left(None, *(np.concatenate(part) for part in zip(*parts, strict=True))), peak)
+    sums = (np.moveaxis(np.concatenate(part, axis=-1), -1, 0) for part in zip(*parts, strict=True))
+    return Leftover(blocks, Left(None, *sums), peak)
 
 
 def _memories(run: Any, bucket: Bucket, chosen: np.ndarray, left: Leftover, free: np.ndarray) -> np.ndarray:

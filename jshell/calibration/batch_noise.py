@@ -12,6 +12,7 @@ Source     as `noise`
 """
 
 import math
+from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -25,7 +26,7 @@ from jshell.calibration.batch_shape import Block, pulsations, shape
 from jshell.calibration.batch_waves import basis, even_sums, products, uneven_sums, waves_of, whitened
 from jshell.calibration.noise import STRONGEST
 from jshell.signals.lane_search import CONVERGED, Look, begin, descend
-from jshell.signals.lanes import cholesky, lanewise, stage, total
+from jshell.signals.lanes import VECTORS, cholesky, lanewise, stage, total
 from jshell.signals.wave_sums import data_sums
 
 SHARE = (np.sqrt(5) - 1) / 2  # of an interval, in a search by golden section
@@ -77,7 +78,7 @@ def look(unknowns: Float[Array, "unknowns block"], data: Remembering) -> Look:
     return at._replace(sums=jnp.stack(offset))
 
 
-@jax.jit
+@partial(jax.jit, compiler_options=VECTORS)
 @lanewise
 def columns(unknowns: jax.Array, state: jax.Array, free: jax.Array, given: Given) -> jax.Array:
     """(channels, 9, times, block) columns of the Jacobian at the minimum of white noise, weighted.
@@ -99,7 +100,7 @@ def columns(unknowns: jax.Array, state: jax.Array, free: jax.Array, given: Given
     return jnp.stack(found)
 
 
-@jax.jit
+@partial(jax.jit, compiler_options=VECTORS)
 @lanewise
 def memory_of(unknowns: jax.Array, state: jax.Array, free: jax.Array, r: jax.Array, given: Given) -> jax.Array:
     """(channels, block) φ of greatest restricted likelihood of evenly sampled records.
@@ -194,7 +195,7 @@ class Again(NamedTuple):
     power: Any
 
 
-@jax.jit
+@partial(jax.jit, compiler_options=VECTORS)
 @lanewise
 def again(
     start: jax.Array, rested: jax.Array, phi: jax.Array, memory: jax.Array | None, box: tuple[jax.Array, jax.Array],

@@ -5,6 +5,7 @@ Valid for  as `batch_kernel`
 """
 
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -12,7 +13,7 @@ import jax.numpy as jnp
 
 from jshell.calibration.batch_shape import Block, Shape, shape
 from jshell.calibration.batch_waves import basis
-from jshell.signals.lanes import centred, lanewise, stage, total
+from jshell.signals.lanes import VECTORS, centred, lanewise, stage, total
 from jshell.signals.wave_sums import INNER, powers
 
 
@@ -91,7 +92,7 @@ class Left(NamedTuple):
     size: Any
 
 
-@jax.jit
+@partial(jax.jit, compiler_options=VECTORS)
 @lanewise
 def residual(unknowns: jax.Array, linear: jax.Array, rest: jax.Array, given: Given) -> Left:
     """What is left of every record.

@@ -131,9 +131,12 @@ def peak_chance(left: np.ndarray, axis: int = -1) -> Any:
 def envelope_chance(left: np.ndarray) -> float:
     """Chance of so uneven sizes in the two halves, by ranks, so that an outlier counts as one."""
     half, rest = left.size // 2, left.size - left.size // 2
-    _, place, ties = np.unique(np.abs(left), return_inverse=True, return_counts=True)
-    rank = (np.cumsum(ties) - (ties - 1) / 2)[place]
-    beyond = abs(float(np.sum(rank[:half])) - half * (left.size + 1) / 2) - 0.5
+    size = np.abs(left)
+    order = np.argsort(size)
+    place = np.cumsum(np.append(0, np.diff(size[order]) > 0))  # equal sizes share a place
+    ties = np.bincount(place)
+    rank = np.cumsum(ties) - (ties - 1) / 2
+    beyond = abs(float(np.sum(rank[place[order < half]])) - half * (left.size + 1) / 2) - 0.5
     spread = half * rest / 12 * (left.size + 1 - float(np.sum(ties**3 - ties)) / (left.size * (left.size - 1)))
     return float(2 * scipy.special.ndtr(-max(beyond, 0.0) / np.sqrt(spread))) if spread > 0 else 1.0
 
