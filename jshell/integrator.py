@@ -22,7 +22,7 @@ _METHODS = {name: name.capitalize() for name in ORDERS}
 ADJOINTS = {"reverse": "RecursiveCheckpointAdjoint", "forward": "ForwardMode"}
 
 
-class Options(NamedTuple):
+class Scheme(NamedTuple):
     """How a motion is integrated.
 
     Attributes:
@@ -68,7 +68,7 @@ def integrate(
     rate: Callable[[Any, Any, Any], Any],
     state: Any,
     times: jax.Array,
-    options: Options,
+    options: Scheme,
     *,
     begin: Any = None,
     args: Any = None,

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jshell.calibration.batch_noise import Again, again, columns, memory_of
-from jshell.calibration.batch_residual import Given, Left, residual
+from jshell.calibration.batch_residual import Given, ResidualSums, residual
 from jshell.calibration.misfit import is_explained
 from jshell.calibration.noise import (
     COHERENT,
@@ -141,7 +141,7 @@ def _blocks(run: Any, bucket: Bucket, chosen: np.ndarray) -> Iterator[tuple[np.n
         )
 
 
-def _residuals(run: Any, bucket: Bucket, chosen: np.ndarray) -> Left:
+def _residuals(run: Any, bucket: Bucket, chosen: np.ndarray) -> ResidualSums:
     """What is left of chosen records, (chosen, channels, …) each; the halves (chosen, 2, channels)."""
     parts, channels = [], bucket.values.shape[1]
     for mine, rows, given in _blocks(run, bucket, chosen):
@@ -149,10 +149,10 @@ def _residuals(run: Any, bucket: Bucket, chosen: np.ndarray) -> Left:
         parts.append([np.moveaxis(np.asarray(x)[..., : mine.size], -1, 0) for x in residual(
             run.found.unknowns[:, rows], state[:-channels], state[-channels:], given
         )])  # fmt: skip
-    return Left(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+    return ResidualSums(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
 
-def _memories(run: Any, bucket: Bucket, chosen: np.ndarray, left: Left, free: np.ndarray) -> np.ndarray:
+def _memories(run: Any, bucket: Bucket, chosen: np.ndarray, left: ResidualSums, free: np.ndarray) -> np.ndarray:
     """(chosen, channels) φ where the tests of white noise fail, else 0."""
     count = bucket.counts[chosen, None]
     with np.errstate(all="ignore"):
@@ -197,7 +197,7 @@ def _over_steps(bucket: Bucket, j: Any, phi: Any) -> np.ndarray:
     return memory
 
 
-def _coherent(bucket: Bucket, chosen: np.ndarray, left: Left, memory: np.ndarray) -> np.ndarray:
+def _coherent(bucket: Bucket, chosen: np.ndarray, left: ResidualSums, memory: np.ndarray) -> np.ndarray:
     """(chosen, channels) whether what is left moves as no noise does, once its memory is taken out."""
     found = np.zeros(memory.shape, bool)
     for count, mine in _alike(bucket.counts[chosen]):

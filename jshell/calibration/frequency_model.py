@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jshell.calibration.frequency_table import Frequencies
+from jshell.calibration.frequency_table import FrequencyTable
 from jshell.calibration.parameters import Unknowns, unknowns
 from jshell.oscillator.linear import frequencies_of_square, squares
 
@@ -20,7 +20,7 @@ SQUARED = frozenset({"k_vs"})  # frequencies know its square
 POSITIVE = frozenset({"alpha1", "alpha2"})
 
 
-def model(natural: Float[Array, "3"], rows: Frequencies) -> Float[Array, "shells 2"]:
+def model(natural: Float[Array, "3"], rows: FrequencyTable) -> Float[Array, "shells 2"]:
     """V_e² ω² of every row (eq:defw), slow first; negative where unstable."""
 
     def one(V, P, kappa, K_A):
@@ -30,13 +30,13 @@ def model(natural: Float[Array, "3"], rows: Frequencies) -> Float[Array, "shells
     return jax.vmap(one)(*arrays)
 
 
-def table_residual(u: jax.Array, args: tuple[Unknowns, Frequencies, str]) -> jax.Array:
+def table_residual(u: jax.Array, args: tuple[Unknowns, FrequencyTable, str]) -> jax.Array:
     """Weighted residual of a table, of what the solver sees."""
     free, rows, weighting = args
     return weighted(free.natural(u), rows, weighting)
 
 
-def weighted(natural: jax.Array, rows: Frequencies, weighting: str) -> Float[Array, " data"]:
+def weighted(natural: jax.Array, rows: FrequencyTable, weighting: str) -> Float[Array, " data"]:
     """Residual of every frequency, 0 where it is missing.
 
     In V_e ω the square root is continued by its tangent below a hundredth of
@@ -55,13 +55,13 @@ def weighted(natural: jax.Array, rows: Frequencies, weighting: str) -> Float[Arr
     return jnp.where(measured, r, 0.0).ravel()
 
 
-def _unit(slope: jax.Array, rows: Frequencies) -> jax.Array:
+def _unit(slope: jax.Array, rows: FrequencyTable) -> jax.Array:
     """How an error of ω becomes one of the residual; 1 where errors are unknown (σ = 1 everywhere)."""
     known = jnp.any(jnp.asarray(rows.sigma) != 1.0)
     return jnp.where(known, slope, jnp.ones_like(slope))
 
 
-def start_from_data(rows: Frequencies, fix: Mapping[str, float] | None = None) -> np.ndarray:
+def start_from_data(rows: FrequencyTable, fix: Mapping[str, float] | None = None) -> np.ndarray:
     """Constants from sums and products of the squared frequencies: (alpha1, alpha2, k_vs²).
 
     Rows with both frequencies: V²(ω-² + ω+²) = A/α1 + B/α2 is a line in the

@@ -16,10 +16,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jshell.calibration.frequency_model import NAMES
-from jshell.calibration.frequency_table import Frequencies
+from jshell.calibration.frequency_table import FrequencyTable
 from jshell.calibration.result import Fit
 from jshell.errors import BadValue, Outcome
-from jshell.signals.lane_search import CONVERGED, RUNNING, Look, Search, begin, descend
+from jshell.signals.lane_search import CONVERGED, RUNNING, LMState, Look, begin, descend
 from jshell.signals.lanes import lanewise, stage, total
 
 TOGETHER = 512
@@ -35,7 +35,7 @@ class Resamples(NamedTuple):
         count, power: Of the data, per resample.
     """
 
-    rows: Frequencies
+    rows: FrequencyTable
     weight: Any
     count: Any
     power: Any
@@ -84,7 +84,7 @@ def look(unknowns: Float[Array, "3 block"], data: Resamples, squared: bool) -> L
 
 @eqx.filter_jit
 @lanewise
-def _resampled(start, counts, rows: Frequencies, low, high, squared: bool) -> Search:
+def _resampled(start, counts, rows: FrequencyTable, low, high, squared: bool) -> LMState:
     unit = jnp.asarray(rows.sigma)
     known = jnp.any(unit != 1.0)
     V, omega = jnp.asarray(rows.volume)[:, None], jnp.where(jnp.isfinite(rows.omega), rows.omega, 0.0)
@@ -99,7 +99,7 @@ def _resampled(start, counts, rows: Frequencies, low, high, squared: bool) -> Se
 
 
 def resample(
-    rows: Frequencies, whole: Fit, weighting: str, fixed_names: Collection[str], resamples: int, seed: int
+    rows: FrequencyTable, whole: Fit, weighting: str, fixed_names: Collection[str], resamples: int, seed: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Constants of tables whose shells are drawn again.
 

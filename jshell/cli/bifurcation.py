@@ -11,7 +11,7 @@ from jshell.cli import decay as decays
 from jshell.cli.constants import Damped, with_damping
 from jshell.cli.destinations import Picture, drawable
 from jshell.cli.output import Json, finish, log, say, speaking
-from jshell.cli.problem import Problem, with_conditions
+from jshell.cli.problem import Case, with_conditions
 from jshell.errors import BadValue, Outcome
 
 
@@ -19,7 +19,7 @@ from jshell.errors import BadValue, Outcome
 @with_conditions
 @with_damping
 def bifurcation(
-    problem: Problem,
+    problem: Case,
     damped: Damped,
     highest: Annotated[float, typer.Option(help="Largest amplitude / (E d/R0).")],
     lowest: Annotated[float, typer.Option(help="Least amplitude / (E d/R0).")] = 0.001,

@@ -12,7 +12,7 @@ from jshell.cli import decay as decays
 from jshell.cli.constants import Damped, with_damping
 from jshell.cli.destinations import OutFile, Picture, drawable, traceable, write_finite
 from jshell.cli.output import Json, finish, judged, log, say, speaking, table
-from jshell.cli.problem import Problem, with_conditions
+from jshell.cli.problem import Case, with_conditions
 from jshell.errors import BadValue
 
 
@@ -20,7 +20,7 @@ from jshell.errors import BadValue
 @with_conditions
 @with_damping
 def cycle(
-    problem: Problem,
+    problem: Case,
     damped: Damped,
     low: Annotated[float, typer.Option(help="Least outer pressure / (E d/R0).")],
     high: Annotated[float, typer.Option(help="Largest outer pressure / (E d/R0).")],

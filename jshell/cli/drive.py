@@ -13,7 +13,7 @@ from jshell.cli import decay as decays
 from jshell.cli.constants import Damped, with_damping
 from jshell.cli.destinations import OutFile, Picture, drawable, traceable, write_finite
 from jshell.cli.output import Json, finish, judged, log, say, speaking
-from jshell.cli.problem import Problem, with_conditions
+from jshell.cli.problem import Case, with_conditions
 from jshell.errors import BadValue, Outcome, choose
 from jshell.sizes import count_of_samples
 
@@ -32,7 +32,7 @@ DRAGS = ("viscous", "equal_decay", "reynolds", "none")
 @with_conditions
 @with_damping
 def drive(
-    problem: Problem,
+    problem: Case,
     damped: Damped,
     forcing: Annotated[str, typer.Option(help="tone, pulse, burst, step or ramp.")] = "tone",
     amplitude: Annotated[
@@ -80,7 +80,7 @@ def drive(
     _tell(problem, found, found_decay, omega, out, plot, as_json)
 
 
-def _tell_of_thick_layer(problem: Problem, found: "jshell.oscillator.Response") -> None:
+def _tell_of_thick_layer(problem: Case, found: "jshell.oscillator.Response") -> None:
     """What the exact liquid says, where the layer is too thick for its law, which the run has warned of."""
     limits = importlib.import_module("jshell.oscillator.drive")
     driven = found.driven
@@ -93,7 +93,7 @@ def _tell_of_thick_layer(problem: Problem, found: "jshell.oscillator.Response") 
 
 
 def _times(
-    problem: Problem, constants: "jshell.oscillator.Coefficients", omega: float, duration: float, every: float | None
+    problem: Case, constants: "jshell.oscillator.Coefficients", omega: float, duration: float, every: float | None
 ) -> np.ndarray:
     """When the run is sampled: fine enough for three times the drive and for the shell's fast mode."""
     fast = float(jshell.oscillator.frequencies(problem.conditions, constants).omega_plus)
@@ -112,7 +112,7 @@ def _times(
 
 
 def _tell(
-    problem: Problem,
+    problem: Case,
     found: "jshell.oscillator.Response",
     decay: "jshell.oscillator.Decay",
     omega: float,
@@ -160,14 +160,14 @@ def _tell(
     finish(outcome)
 
 
-def _si(problem: Problem, option: str) -> bool:
+def _si(problem: Case, option: str) -> bool:
     if problem.scales is None:
         raise BadValue(option, found="conditions without units", expected="SI conditions", remedy="Give --r0 and kin.")
     return True
 
 
 def _angular_frequency(
-    problem: Problem, constants: "jshell.oscillator.Coefficients", given: float | None, mhz: float | None
+    problem: Case, constants: "jshell.oscillator.Coefficients", given: float | None, mhz: float | None
 ) -> float:
     """The drive's angular frequency: as given, from a frequency, or that of the slow mode."""
     if mhz is not None:

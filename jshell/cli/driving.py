@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import jshell
-from jshell.cli.problem import Problem
+from jshell.cli.problem import Case
 from jshell.errors import BadFile, BadUnits, BadValue, choose
 from jshell.files import NamedBytes
 
@@ -86,7 +86,7 @@ ReynoldsLaw = Annotated[
 ]
 
 
-def outer_pressure(path: Path | None, problem: Problem, reading: dict[str, Any] | None = None) -> tuple | None:
+def outer_pressure(path: Path | None, problem: Case, reading: dict[str, Any] | None = None) -> tuple | None:
     """Times and outer pressure of a table, without units; None without a file.
 
     `reading` is what the table leaves open, as the verbs that read traces take it.

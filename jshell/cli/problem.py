@@ -1,7 +1,7 @@
 """The conditions that every verb takes: a preset, pure numbers, or SI.
 
 One place declares these options; `with_conditions` adds them to a verb and
-hands it a `Problem`; `with_options` does so for any group of options.
+hands it a `Case`; `with_options` does so for any group of options.
 """
 
 import functools
@@ -20,8 +20,8 @@ from jshell.quantities import POWERS, SI_UNIT, UNITS, laboratory_unit
 
 
 @dataclass(frozen=True)
-class Problem:
-    """Conditions from the command line, and the scales where they came in SI."""
+class Case:
+    """The shell and load that a command line describes, and their scales where they came in SI."""
 
     conditions: "jshell.Reduced"
     scales: "jshell.Scales | None"
@@ -127,7 +127,7 @@ def conditions(
     pext: Pext = None,
     rho: Rho = None,
     eta: Eta = None,
-) -> Problem:
+) -> Case:
     """The problem that the options describe.
 
     Raises:
@@ -154,7 +154,7 @@ def conditions(
 
 def _from_pure(
     base: "jshell.presets.Preset | None", given: dict[str, float], kappa: float | None, nu: float | None
-) -> Problem:
+) -> Case:
     if base is None:
         _require(given, ("d_hat", "p0_hat", "pext_hat"))
         start = {"eta_hat": 0.0, "kappa": 1.4, "nu": 0.5}
@@ -172,12 +172,12 @@ def _from_pure(
         full["nu"] if nu is None else nu,
     )
     unit = None if base is None or given else base.unit
-    return Problem(reduced, unit, base is not None or "eta_hat" in given)
+    return Case(reduced, unit, base is not None or "eta_hat" in given)
 
 
 def _from_si(
     base: "jshell.presets.Preset | None", given: dict[str, float], kappa: float | None, nu: float | None
-) -> Problem:
+) -> Case:
     if base is not None:
         if base.unit is None:
             raise BadValue(
@@ -205,7 +205,7 @@ def _from_si(
     gas = jshell.Gas(full["p0"], 1.4 if kappa is None else kappa)
     liquid, load = jshell.Liquid(full["rho"], full["eta"]), jshell.Load(full["pext"])
     reduced = jshell.Reduced.from_si(shell, gas, liquid, load)
-    return Problem(reduced, jshell.shell.scales(shell, liquid), base is not None or "eta" in given)
+    return Case(reduced, jshell.shell.scales(shell, liquid), base is not None or "eta" in given)
 
 
 def _require(given: dict[str, float], needed: tuple[str, ...]) -> None:

@@ -11,7 +11,7 @@ import jshell
 from jshell.cli.constants import Damped, with_damping
 from jshell.cli.destinations import Picture, drawable
 from jshell.cli.output import Json, log, say, speaking, table
-from jshell.cli.problem import Problem, named, with_conditions
+from jshell.cli.problem import Case, named, with_conditions
 from jshell.errors import BadValue
 
 
@@ -19,7 +19,7 @@ from jshell.errors import BadValue
 @with_conditions
 @with_damping
 def sensitivity(
-    problem: Problem,
+    problem: Case,
     damped: Damped,
     of: Annotated[
         str,
@@ -77,7 +77,7 @@ def sensitivity(
 
 
 def _advise(
-    problem: Problem,
+    problem: Case,
     constants: "jshell.oscillator.Coefficients",
     texts: list[str],
     sigma: float,

@@ -12,7 +12,7 @@ import jshell
 from jshell.cli.constants import with_masses
 from jshell.cli.destinations import drawable
 from jshell.cli.output import Json, finish, judged, log, say, speaking, table
-from jshell.cli.problem import Problem, with_conditions
+from jshell.cli.problem import Case, with_conditions
 from jshell.errors import BadValue, Outcome
 
 REST_DIMENSIONS = {"P": "pressure", "difference": "pressure", "P_ext": "pressure", "elastic": "energy",
@@ -69,7 +69,7 @@ def whole_numbers(option: str, text: str | None) -> list[int]:
 @speaking
 @with_conditions
 def rest(
-    problem: Problem,
+    problem: Case,
     branch: Annotated[str, typer.Option("--branch", help="buckled or sphere.")] = "buckled",
     elements: Elements = 32,
     attached: Attached = 0.0,
@@ -148,7 +148,7 @@ def rest(
 @speaking
 @with_conditions
 def branch(
-    problem: Problem,
+    problem: Case,
     elements: Elements = 32,
     energy: Energy = "current",
     lowest: Annotated[float, typer.Option("--lowest", help="V/V0 at which the deflated end stops.")] = 0.3,
@@ -224,7 +224,7 @@ def branch(
 @speaking
 @with_conditions
 def modes(
-    problem: Problem,
+    problem: Case,
     branch: Annotated[str, typer.Option("--branch", help="buckled or sphere.")] = "buckled",
     attached: Attached = 0.0,
     liquid: Annotated[
@@ -288,7 +288,7 @@ def modes(
     finish(outcome)
 
 
-def modes_table(found: "jshell.dynamics.AllModes", problem: Problem, *, everything: bool) -> str:
+def modes_table(found: "jshell.dynamics.AllModes", problem: Case, *, everything: bool) -> str:
     """Vibrations as a table: those of m = 0 by their number, or of every order from the slowest on."""
     if everything:
         header = ("m", "mode", "ω = |s|", "Ω", "τ", "grows at", "dV", "dH", "dW", "seen by", "outcome")
@@ -315,7 +315,7 @@ def modes_table(found: "jshell.dynamics.AllModes", problem: Problem, *, everythi
     return f"{text}\n\n{table(told, (*first, 'intrinsic ω/2π', 'damped Ω/2π', 'τ'))}"
 
 
-def in_si(row: Any, problem: Problem) -> dict[str, float | None]:
+def in_si(row: Any, problem: Case) -> dict[str, float | None]:
     """A vibration's frequencies, intrinsic and damped, and decay time where the problem has units; else nothing."""
     if problem.scales is None:
         return {}
@@ -332,7 +332,7 @@ def in_si(row: Any, problem: Problem) -> dict[str, float | None]:
 @with_conditions
 @with_masses
 def frequencies(
-    problem: Problem,
+    problem: Case,
     constants: "jshell.oscillator.Coefficients",
     as_json: Json = False,
 ) -> None:

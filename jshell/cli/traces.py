@@ -30,7 +30,7 @@ from jshell.cli.driving import (
     outer_pressure,
 )
 from jshell.cli.output import Json, finish, judged, log, say, speaking, table
-from jshell.cli.problem import Problem, with_conditions
+from jshell.cli.problem import Case, with_conditions
 from jshell.cli.reading import takes_reading, takes_reading_of_pressure
 from jshell.cli.statics import Attached, Elements, Spot, weak_spot
 from jshell.errors import BadUnits, BadValue, Outcome, choose
@@ -44,7 +44,7 @@ LONG = 400  # samples that make a run worth a progress bar
 @with_conditions
 @takes_reading_of_pressure
 def simulate(
-    problem: Problem,
+    problem: Case,
     out: Annotated[Path, typer.Option("--out", help="Trace to write: .csv, .tsv, .json, .nc, .mat, .npz.")],
     ramp: Annotated[float, typer.Option(help="Time the outer pressure takes from P0 to Pext; 0 is a step.")] = 25.0,
     duration: Annotated[float, typer.Option(help="Length of the run.")] = 70.0,

@@ -220,6 +220,6 @@ def _segment(bubble: Marmottant, pressure: Any, broken: bool, y: Any, now: Any, 
     limit = bubble.break_radius / bubble.radius
     breaks = [lambda t, y, args: limit - y[0]] if np.isfinite(limit) and not broken else []
     field = lambda t, y, args: _rate(bubble, pressure, broken, t, y)  # noqa: E731
-    how = integrator.Options(rtol, atol, most_steps=2**18)
+    how = integrator.Scheme(rtol, atol, most_steps=2**18)
     found = integrator.integrate(field, y, ts, how, begin=now, margins=breaks)
     return found.samples, found.last, found.stop, jnp.any(found.hit), found.worked, (found.accepted, found.rejected)

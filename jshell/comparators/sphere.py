@@ -99,7 +99,7 @@ def _run(
 
     rest = jnp.cbrt(sphere_state(c).volume / SPHERE_VOLUME)
     start = jnp.stack([rest + initial[0], initial[1]])
-    solution = integrator.integrate(rate, start, ts, integrator.Options(rtol, atol))
+    solution = integrator.integrate(rate, start, ts, integrator.Scheme(rtol, atol))
     found = jnp.asarray(solution.samples)
     worked = solution.worked & jnp.all(jnp.isfinite(found))
     found = jnp.where(worked, found, jnp.nan)

@@ -26,7 +26,7 @@ from jshell.dynamics.refinement import Level, refine
 from jshell.dynamics.run import (
     CHANNELS,
     Pace,
-    Progress,
+    RunState,
     Sample,
     Schedule,
     Setup,
@@ -289,7 +289,7 @@ def _protocol(steady: Pressure, pressure, forcing) -> Pressure:
     return steady if forcing is None else Sum((steady, forcing))
 
 
-def _in_chunks(setup, began, ahead: Schedule, pace, size: int, checkpoint, report) -> tuple[Progress, Sample]:
+def _in_chunks(setup, began, ahead: Schedule, pace, size: int, checkpoint, report) -> tuple[RunState, Sample]:
     """The run in pieces of one length, kept in a file and reported now and then; the same numbers as in one piece."""
     file = None if checkpoint is None else Checkpoint(Path(checkpoint), (setup, ahead, pace))
     state, parts, done, count = began, [], 0, ahead.after.shape[0]
@@ -337,7 +337,7 @@ def _check_times(duration, every, step, ramp):
         )
 
 
-def _trace(setup: Setup, last: Progress, samples: Sample, every, count, step, steady, follow, throw) -> Trace:
+def _trace(setup: Setup, last: RunState, samples: Sample, every, count, step, steady, follow, throw) -> Trace:
     numbers, times, shape = samples.channels, every * jnp.arange(count + 1), setup.shape
     settings = [("elements", str(shape.elements)), ("attached", repr(shape.attached)), ("step", repr(step))]
     settings += [("follow", str(bool(follow))), ("stokes", setup.losses.stokes)]

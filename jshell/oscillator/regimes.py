@@ -249,7 +249,7 @@ def _segment(driven: Driven, y: Any, now: jax.Array, ts: jax.Array, ends: Any, r
     else:
         field = lambda t, y, args: jax.tree.leaves(driven.rate(t, whole(y)))  # noqa: E731
         margins = [lambda t, y, args, k=k: driven.margins(whole(y), unbuckling)[k] for k in range(len(ENDINGS))]
-    how = integrator.Options(*options, most_steps=2**20)
+    how = integrator.Scheme(*options, most_steps=2**20)
     found = integrator.integrate(field, list(y), ts, how, begin=now, margins=margins)
     steps = (found.accepted, found.rejected)
     return jnp.stack(found.samples[:4]), found.last, found.stop, found.hit, found.worked, steps

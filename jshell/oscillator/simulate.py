@@ -226,7 +226,7 @@ def simulate(
 
     if equilibrium is not None:
         equilibrium = RestState(*(jnp.asarray(part, dtype=float) for part in equilibrium))
-    how = integrator.Options(rtol, atol, adjoint=adjoint) if solver == "diffrax" else None
+    how = integrator.Scheme(rtol, atol, adjoint=adjoint) if solver == "diffrax" else None
     given = conditions.as_arrays(), coefficients.as_arrays(), equilibrium, start, ts
     V, S, outcome = _motion(*given, is_uniform(ts), model, how)
     channels: dict[str, Values] = {"V": V, "S": S}
@@ -243,7 +243,7 @@ def _motion(
     ts: Float[Array, " times"],
     even: bool,
     model: str,
-    options: integrator.Options | None,
+    options: integrator.Scheme | None,
 ) -> tuple[Float[Array, " times"], Float[Array, " times"], Int[Array, ""]]:
     """V, S and how the motion ended; one program for all numbers."""
     state = buckled_state(conditions) if equilibrium is None else equilibrium
