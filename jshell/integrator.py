@@ -10,16 +10,26 @@ Source     Prince and Dormand 1981 (Dopri8), by diffrax
 
 import importlib
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypedDict
 
 import jax
 import jax.numpy as jnp
+
+from jshell.errors import choose
 
 # Order of accuracy in fixed steps of each method that diffrax has for us.
 ORDERS = {"euler": 1, "midpoint": 2, "heun": 2, "bosh3": 3, "tsit5": 5, "dopri5": 5, "dopri8": 8}
 _METHODS = {name: name.capitalize() for name in ORDERS}
 # How a motion is differentiated: in reverse through checkpoints, or forward for Jacobians.
 ADJOINTS = {"reverse": "RecursiveCheckpointAdjoint", "forward": "ForwardMode"}
+
+
+class Adaptive(TypedDict, total=False):
+    """Keywords of an adaptive solver that several doors share, see `adaptive`."""
+
+    rtol: float
+    atol: float
+    adjoint: str
 
 
 class Scheme(NamedTuple):
@@ -62,6 +72,12 @@ class Solution(NamedTuple):
     worked: jax.Array
     accepted: jax.Array
     rejected: jax.Array
+
+
+def adaptive(rtol: float = 1e-9, atol: float = 1e-11, adjoint: str = "reverse") -> Scheme:
+    """Adaptive steps as the doors take them, with the defaults that they share."""
+    choose("adjoint", adjoint, ADJOINTS)
+    return Scheme(rtol, atol, adjoint=adjoint)
 
 
 def integrate(

@@ -24,7 +24,7 @@ from jaxtyping import Array, Float
 from jshell import integrator
 from jshell.errors import BadShape, BadValue, Outcome
 from jshell.renamed import renamed_attribute
-from jshell.shell.breathing import radial_acceleration
+from jshell.shell.breathing import Pressures, radial_acceleration
 from jshell.shell.parameters import check
 
 
@@ -204,9 +204,7 @@ def _rate(bubble: Marmottant, pressure: Any, broken: bool, t: Any, y: Any) -> ja
     acceleration = radial_acceleration(
         R,
         v,
-        gas,
-        wall,
-        outer,
+        Pressures(gas, wall, outer),
         viscosity=bubble.viscosity / (p0 * unit),
         kappa=bubble.kappa,
         wall_viscosity=bubble.film_viscosity / (p0 * unit * R0),

@@ -15,14 +15,13 @@ from typing import Any
 import numpy as np
 
 from jshell.calibration import Prior
-from jshell.calibration.noise import Noise
 from jshell.errors import NotOk, Outcome, choose
 from jshell.inversion.exact import corrected
 from jshell.inversion.model import ELEMENTS, Model, Weighing
 from jshell.inversion.noise import described, examined, first_weighing, misfits, reweighed
 from jshell.inversion.recording import Recording, recording
 from jshell.inversion.response import MODES
-from jshell.inversion.result import Inversion, drawn_up
+from jshell.inversion.result import Inversion, Settled, drawn_up
 from jshell.inversion.search import SearchResult, information, minimise
 from jshell.inversion.snap import Snap
 from jshell.inversion.starts import starts
@@ -37,7 +36,6 @@ HEARD = 20.0  # of χ², that a further mode must take: two amplitudes fitted to
 ROUNDS = 5  # of noise and minimum
 NEAR = 9.0  # of χ²: two minima nearer than this cannot be told apart
 APART = 5.0  # standard errors between them that make them two
-Settled = tuple[SearchResult, list[Weighing], list[list[Noise]]]
 
 
 def invert(
@@ -119,7 +117,7 @@ def invert(
         promising += 1
     endings = _brought_to_rest(model, _from_starts(model, begun[:promising], weighings), weighings)
     if endings[0].outcome not in (Outcome.OK, Outcome.AT_BOUND):
-        return _finished(drawn_up(model, endings[0], endings, weighings, (), (), ()), throw)
+        return _finished(drawn_up(model, Settled(endings[0], weighings, []), endings, (), ()), throw)
     first = weighings
     best, weighings, noises = _settled(model, endings[0], first)
     untried = begun[len(endings) :]
@@ -136,7 +134,7 @@ def invert(
         notes.append(note)
     rivals = _rivals(model, best, endings, weighings)
     warnings = misfits(model, best.projections, noises)
-    return _finished(drawn_up(model, best, endings, weighings, noises, notes, warnings, rivals), throw)
+    return _finished(drawn_up(model, Settled(best, weighings, noises), endings, notes, warnings, rivals), throw)
 
 
 def _ring_downs(asked: Question) -> Inversion:
@@ -203,7 +201,7 @@ def _others(model: Model, begun: np.ndarray, weighings: list[Weighing]) -> tuple
         endings.append(ending)
         if ending.outcome in (Outcome.OK, Outcome.AT_BOUND):
             settled = _settled(model, ending, weighings)
-            if not misfits(model, settled[0].projections, settled[2]):
+            if not misfits(model, settled.best.projections, settled.noises):
                 return endings, settled
     return endings, None
 
@@ -233,7 +231,7 @@ def _settled(model: Model, best: SearchResult, weighings: list[Weighing]) -> Set
         noises = examined(model, best.projections, weighings)
         if steady and not grown:
             break
-    return best, weighings, noises
+    return Settled(best, weighings, noises)
 
 
 def _again(model: Model, best: SearchResult, weighings: Sequence[Weighing]) -> SearchResult:

@@ -49,36 +49,34 @@ def profile(
     intervals, points = [], []
     for name in names:
         i = model.space.names.index(name)
-        walked, ends, reasons = [(best.u[i], 0.0)], [], []
-        for side in (-1, 1):
-            end, reason = _end(model, best, weighings, i, side, far, scale, stderr, walked)
-            ends.append(shown(i, end))
-            reasons.append(reason)
+        (low, below, left), (high, above, right) = (
+            _end(model, best, weighings, i, side, far, scale, stderr) for side in (-1, 1)
+        )
         value = shown(i, best.u[i])
         error = float(stderr[i]) * (value if model.space.logarithmic[i] else 1.0)
-        words = [f"{side}: {text}" for side, text in zip(("below", "above"), reasons, strict=True) if text]
-        intervals.append(Interval(name, value, ends[0], ends[1], "; ".join(words), error))
-        points.append(np.array(sorted((shown(i, at), growth) for at, growth in walked)))
+        words = [f"{side}: {text}" for side, text in (("below", below), ("above", above)) if text]
+        intervals.append(Interval(name, value, shown(i, low), shown(i, high), "; ".join(words), error))
+        points.append(np.array(sorted((shown(i, at), growth) for at, growth in [(best.u[i], 0.0), *left, *right])))
     criterion = f"Δχ²/s² = {far**2:.4g}, F with 1 and {freedom:g} degrees of freedom, s² = {scale:.4g}"
     return Profile(tuple(intervals), level, criterion, far**2, tuple(points))
 
 
-def _end(model, best, weighings, i, side, far, scale, stderr, walked) -> tuple[float, str]:
-    """Where χ² of one unknown has grown by far² on one side; `walked` gains the points looked at."""
+def _end(model, best, weighings, i, side, far, scale, stderr) -> tuple[float, str, list]:
+    """Where χ² of one unknown has grown by far² on one side, or why nowhere; and the points looked at."""
     low, high = model.space.to_u(model.space.low)[i], model.space.to_u(model.space.high)[i]
     step, inner, outer = far * stderr[i], (0.0, 0.0), None
-    u = best.u
+    u, points = best.u, []
     for _ in range(MOST):
         at = best.u[i] + side * step
         if not low < at < high:
-            return np.nan, "it reaches its bound"
+            return np.nan, "it reaches its bound", points
         u, cost = _held(model, best, weighings, i, at, u)
         grown = np.sqrt(max(cost - best.cost, 0.0) / scale)
         if not np.isfinite(cost):
-            return np.nan, "the simulator finds no shell there"
-        walked.append((at, grown**2))
+            return np.nan, "the simulator finds no shell there", points
+        points.append((at, grown**2))
         if abs(grown / far - 1) < CLOSE:
-            return at, ""
+            return at, "", points
         if grown < far:
             inner = (step, grown)
         else:
@@ -86,11 +84,11 @@ def _end(model, best, weighings, i, side, far, scale, stderr, walked) -> tuple[f
         if outer is None:
             step = step * min(max(far / max(grown, 1e-3), 1.1), 2.0)
             if step > FARTHEST * far * stderr[i]:
-                return np.nan, "χ² does not grow enough"
+                return np.nan, "χ² does not grow enough", points
         else:
             share = (far - inner[1]) / (outer[1] - inner[1])
             step = inner[0] + np.clip(share, 0.05, 0.95) * (outer[0] - inner[0])
-    return best.u[i] + side * step, ""
+    return best.u[i] + side * step, "", points
 
 
 def _held(model: Model, best: SearchResult, weighings, i: int, at: float, u: np.ndarray) -> tuple[np.ndarray, float]:

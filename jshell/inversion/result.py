@@ -5,7 +5,7 @@ Symbols    J = ∂r/∂u at the minimum, amplitudes following   s² reduced χ²
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import scipy.special
@@ -198,12 +198,18 @@ class Inversion(Fit):
         return self
 
 
+class Settled(NamedTuple):
+    """A minimum, how its recordings were weighed, and the noise that it leaves of them; none where none was sought."""
+
+    best: SearchResult
+    weighings: list[Weighing]
+    noises: list[list[Noise]]
+
+
 def drawn_up(
     model: Model,
-    best: SearchResult,
+    settled: Settled,
     endings: Sequence[SearchResult],
-    weighings: Sequence[Weighing],
-    noises: Sequence[Sequence[Noise]],
     notes: Sequence[str],
     warnings: Sequence[str],
     rivals: Sequence[SearchResult] = (),
@@ -211,6 +217,7 @@ def drawn_up(
     doubt: np.ndarray | None = None,
 ) -> Inversion:
     """The result of a minimum; `doubt` (unknowns,) is how far the simulator's own error moves it, where known."""
+    best, weighings, noises = settled
     names, space = model.space.names, model.space
     values, logarithmic = space.to_values(best.u), space.logarithmic
     flat = tuple(one for part in noises for one in part)

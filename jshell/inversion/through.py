@@ -24,7 +24,7 @@ from jshell.inversion.kept import Kept
 from jshell.inversion.model import Weighing
 from jshell.inversion.noise import SMALLEST, examined, first_weighing, reweighed
 from jshell.inversion.recording import FEWEST, Recording, after_snap, channels_of, recording
-from jshell.inversion.result import Inversion, drawn_up
+from jshell.inversion.result import Inversion, Settled, drawn_up
 from jshell.inversion.search import SearchResult, information, prior_rows, projections_at, solve
 from jshell.inversion.snap import Snap, SnapModel, protocol
 from jshell.inversion.unknowns import Space, Unknown, plain, space
@@ -102,11 +102,12 @@ def through(question: Question, snap: Snap, modal: Modal, nuisances: Nuisances |
     endings = _searched(model, [one.u for one in ranked[: max(1, snap.starts)]], weighings)
     best = endings[0]
     if best.outcome not in (Outcome.OK, Outcome.AT_BOUND):
-        return drawn_up(model, best, endings, weighings, (), (*notes, _counted(model)), ())
+        return drawn_up(model, Settled(best, weighings, []), endings, (*notes, _counted(model)), ())
     best, weighings, noises = _settled(model, best, weighings)
     best, noises, doubt, note = _corrected(model, best, weighings, noises)
     told = (*notes, note, _counted(model))
-    return drawn_up(model, best, endings, weighings, noises, told, misfits(model, best, noises), doubt=doubt)
+    settled = Settled(best, weighings, noises)
+    return drawn_up(model, settled, endings, told, misfits(model, best, noises), doubt=doubt)
 
 
 def _whole(trace: Trace, number: int, question: Question) -> tuple[Recording, float]:
@@ -229,9 +230,7 @@ def _again(model: SnapModel, best: SearchResult, weighings: Sequence[Weighing]) 
     return replace(_ending(model, best.u, weighings, best), outcome=best.outcome, steps=best.steps)
 
 
-def _settled(
-    model: SnapModel, best: SearchResult, weighings: list[Weighing]
-) -> tuple[SearchResult, list[Weighing], list[list[Noise]]]:
+def _settled(model: SnapModel, best: SearchResult, weighings: list[Weighing]) -> Settled:
     """The minimum with the noise that it leaves."""
     noises = examined(model, best.projections, weighings)
     for _ in range(ROUNDS):
@@ -240,7 +239,7 @@ def _settled(
         noises = examined(model, best.projections, weighings)
         if steady:
             break
-    return best, weighings, noises
+    return Settled(best, weighings, noises)
 
 
 def _corrected(
