@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jshell.calibration.batch_shape import coupled, uncoupled
 from jshell.calibration.frequency_model import NAMES
 from jshell.calibration.frequency_table import FrequencyTable
 from jshell.calibration.result import Fit
@@ -51,12 +52,10 @@ def look(unknowns: Float[Array, "3 block"], data: Resamples, squared: bool) -> L
     def slopes(u):
         """V²ω², slow and fast, and its derivatives (unknowns, shells, 2, block): eq:defw."""
         alpha1, alpha2 = jnp.exp(u[0])[None], jnp.exp(u[1])[None]
-        a, b = 4 * jnp.pi * kappa * P * V / alpha1, 9 * jnp.pi**2 * K_A / (8 * alpha2)
-        by_k = 18 * jnp.pi**4 / (alpha1 * alpha2)
-        half, c = (a - b) / 2, by_k * u[2][None]
-        root = jnp.sqrt(half * half + c)
-        fast = (a + b) / 2 + root
-        found = jnp.stack([(a * b - c) / fast, fast], axis=1)
+        a, b, by_k, _ = uncoupled(alpha1, alpha2, 1.0, kappa * P * V, K_A / (4 * jnp.pi))
+        c = by_k * u[2][None]
+        slow, fast, half, root = coupled(a, b, c)
+        found = jnp.stack([slow, fast], axis=1)
         over = 0.5 / jnp.maximum(root, 1e-300)
         apart = [(-half * a - c) * over, (half * b - c) * over, (by_k + 0 * a) * over]
         mean = [-a / 2, -b / 2 + 0 * a, 0 * a]
