@@ -29,7 +29,7 @@ from scipy.optimize import curve_fit, least_squares
 from jshell import Reduced
 from jshell.calibration import Recordings, bootstrap_frequencies, fit_batch
 from jshell.calibration.records import Record
-from jshell.calibration.starts import Modes, _amplitudes, find_modes, strict_start
+from jshell.calibration.starts import ModePair, _amplitudes, find_modes, strict_start
 from jshell.oscillator import Coefficients, matrices, random_shell, random_trace, squared_frequencies
 from jshell.oscillator.linear import uniform_propagator
 from jshell.shell.elasticity import SPHERE_AREA
@@ -99,7 +99,7 @@ class Rival:
         rate = (modes.amplitudes * modes.poles).real.sum(axis=1)
         self.start = np.array([np.log(a1), np.log(a2), k, np.log(tau), *at, *rate, *modes.offsets])
 
-    def hear(self) -> tuple[Modes, np.ndarray]:
+    def hear(self) -> tuple[ModePair, np.ndarray]:
         """Modes and constants as a start from nothing: a pencil of one order in NumPy, then linear algebra."""
         even = (self.y - self.y.mean(axis=1, keepdims=True)) / self.y.std(axis=1, keepdims=True)
         s = poles(even[:, ::2].T, 2 * TIMES[1], [4])[0]
@@ -109,7 +109,7 @@ class Rival:
         else:
             s = s[np.argsort(np.abs(s))]
             amplitudes, offsets, left = _amplitudes(TIMES, self.y, s)
-            modes = Modes(s, amplitudes, offsets, float(np.sqrt(np.mean(left.var(axis=1) / self.y.var(axis=1)))))
+            modes = ModePair(s, amplitudes, offsets, float(np.sqrt(np.mean(left.var(axis=1) / self.y.var(axis=1)))))
         return modes, strict_start([self.record], [modes], {})
 
     def constants(self, p):

@@ -10,10 +10,12 @@ Source     Prince and Dormand 1981 (Dopri8), by diffrax
 
 import importlib
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypedDict
 
 import jax
 import jax.numpy as jnp
+
+from jshell.errors import choose
 
 # Order of accuracy in fixed steps of each method that diffrax has for us.
 ORDERS = {"euler": 1, "midpoint": 2, "heun": 2, "bosh3": 3, "tsit5": 5, "dopri5": 5, "dopri8": 8}
@@ -22,7 +24,15 @@ _METHODS = {name: name.capitalize() for name in ORDERS}
 ADJOINTS = {"reverse": "RecursiveCheckpointAdjoint", "forward": "ForwardMode"}
 
 
-class Options(NamedTuple):
+class Adaptive(TypedDict, total=False):
+    """Keywords of an adaptive solver that several doors share, see `adaptive`."""
+
+    rtol: float
+    atol: float
+    adjoint: str
+
+
+class Scheme(NamedTuple):
     """How a motion is integrated.
 
     Attributes:
@@ -64,11 +74,17 @@ class Solution(NamedTuple):
     rejected: jax.Array
 
 
+def adaptive(rtol: float = 1e-9, atol: float = 1e-11, adjoint: str = "reverse") -> Scheme:
+    """Adaptive steps as the doors take them, with the defaults that they share."""
+    choose("adjoint", adjoint, ADJOINTS)
+    return Scheme(rtol, atol, adjoint=adjoint)
+
+
 def integrate(
     rate: Callable[[Any, Any, Any], Any],
     state: Any,
     times: jax.Array,
-    options: Options,
+    options: Scheme,
     *,
     begin: Any = None,
     args: Any = None,

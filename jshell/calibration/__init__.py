@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from jshell.calibration.batch import fit_batch
     from jshell.calibration.batch_result import BatchResult
     from jshell.calibration.bootstrap import Bootstrap, bootstrap_frequencies
-    from jshell.calibration.comparison import Comparison, compare
+    from jshell.calibration.comparison import ModelComparison, compare
     from jshell.calibration.estimate import Estimate, Start
     from jshell.calibration.inverse import fit_conditions
     from jshell.calibration.loaded import load
@@ -26,13 +26,13 @@ if TYPE_CHECKING:
     from jshell.calibration.trajectories import fit_trajectories, prepare
 
 __all__ = [
-    "BatchResult", "Bootstrap", "Comparison", "Estimate", "FitOptions", "FitResult", "FitWarning", "NonlinearFits",
-    "Prior", "Recordings", "Refits", "Start", "bootstrap_frequencies", "compare", "fit_batch",
-    "fit_conditions", "fit_frequencies", "fit_nonlinear", "fit_trajectories", "least_squares", "load", "losses",
-    "master_curve", "prepare", "trace_loss", "trajectories", "uncertainty",
+    "BatchResult", "Bootstrap", "Estimate", "FitOptions", "FitResult", "FitWarning", "ModelComparison", "NonlinearFits",
+    "Prior", "Recordings", "Refits", "Start", "bootstrap_frequencies", "compare", "fit_batch", "fit_conditions",
+    "fit_frequencies", "fit_nonlinear", "fit_trajectories", "least_squares", "load", "losses", "master_curve",
+    "prepare", "trace_loss", "trajectories", "uncertainty",
 ]  # fmt: skip
 _HOMES = {
-    "BatchResult": "batch_result", "Bootstrap": "bootstrap", "Comparison": "comparison", "Estimate": "estimate",
+    "BatchResult": "batch_result", "Bootstrap": "bootstrap", "ModelComparison": "comparison", "Estimate": "estimate",
     "FitOptions": "options", "FitResult": "report", "FitWarning": "report", "NonlinearFits": "nonlinear",
     "Prior": "options", "Recordings": "recordings", "Refits": "refits", "Start": "estimate",
     "bootstrap_frequencies": "bootstrap", "compare": "comparison", "fit_batch": "batch", "fit_conditions": "inverse",
@@ -40,4 +40,6 @@ _HOMES = {
     "least_squares": "", "load": "loaded", "losses": "", "master_curve": "", "prepare": "trajectories",
     "trace_loss": "losses", "trajectories": "", "uncertainty": "",
 }  # fmt: skip
-__getattr__, __dir__ = lazy(__name__, _HOMES, renamed(__name__, {"campaign": "jshell.paper:joint_fits"}))
+__getattr__, __dir__ = lazy(
+    __name__, _HOMES, renamed(__name__, {"Comparison": "ModelComparison", "campaign": "jshell.paper:joint_fits"})
+)

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jshell.calibration.batch_noise import Again, again, columns, memory_of
-from jshell.calibration.batch_residual import Given, Left, residual
+from jshell.calibration.batch_residual import Given, ResidualSums, residual
 from jshell.calibration.misfit import is_explained
 from jshell.calibration.noise import (
     COHERENT,
@@ -149,12 +149,12 @@ class Leftover(NamedTuple):
 
     Attributes:
         blocks: Residuals as they were computed, (channels, times, lanes) each: turned over only for records that ask.
-        sums: As `Left`, (chosen, channels) each and the halves (chosen, 2, channels); without the residuals.
+        sums: As `ResidualSums`, (chosen, channels) each and the halves (chosen, 2, channels); without the residuals.
         peak: (chosen, channels) chance of the largest peak, to single precision, no memory taken out.
     """
 
     blocks: list[np.ndarray]
-    sums: Left
+    sums: ResidualSums
     peak: np.ndarray
 
     def records(self, which: np.ndarray) -> np.ndarray:
@@ -180,7 +180,7 @@ def _leftover(run: Any, bucket: Bucket, chosen: np.ndarray) -> Leftover:
             alike = blocks[-1][:, :count] if lanes.size == rows.size else blocks[-1][:, :count, lanes]
             peak[mine[lanes]] = peak_chance(alike.astype(np.float32), axis=1).T
     sums = (np.moveaxis(np.concatenate(part, axis=-1), -1, 0) for part in zip(*parts, strict=True))
-    return Leftover(blocks, Left(None, *sums), peak)
+    return Leftover(blocks, ResidualSums(None, *sums), peak)
 
 
 def _memories(run: Any, bucket: Bucket, chosen: np.ndarray, left: Leftover, free: np.ndarray) -> np.ndarray:

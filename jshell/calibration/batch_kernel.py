@@ -29,7 +29,7 @@ from jshell.calibration import batch_modal
 from jshell.calibration.batch_shape import UNKNOWNS, Block, Shape, pulsations, shape
 from jshell.calibration.data import SMALLEST_NOISE
 from jshell.shell.elasticity import SPHERE_VOLUME
-from jshell.signals.lane_search import Look, Search, begin, descend
+from jshell.signals.lane_search import LMState, Look, begin, descend
 from jshell.signals.lanes import backward, centred, cholesky, forward, lanewise, listed, spreads, stage, total
 from jshell.signals.pencil_batch import poles
 from jshell.signals.wave_sums import data_sums, gram, uneven_sums
@@ -261,7 +261,7 @@ class LaneResult(NamedTuple):
     Attributes:
         unknowns, start: (unknowns, block), at the end and at the beginning.
         cost, normal: As in `Look`, at the end.
-        status, steps: As in `Search`.
+        status, steps: As in `LMState`.
         weight: (channels, block).
         state: (6, block) ΔV, ΔS and their rates at the first sample, V and S at rest; of the modal loss (5 channels,
             block) cosine and sine of the slow and of the fast mode of each channel, then all channels at rest.
@@ -325,7 +325,7 @@ def solve(
 
 
 def found_of(
-    search: Search, ready: PreparedBlock, first: jax.Array, state: jax.Array, omega: jax.Array, slope: jax.Array
+    search: LMState, ready: PreparedBlock, first: jax.Array, state: jax.Array, omega: jax.Array, slope: jax.Array
 ) -> LaneResult:
     """A search that has ended, with what was read off it."""
     at, rest = search.look, jnp.stack([ready.data.volume, ready.pressure])

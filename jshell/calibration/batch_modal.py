@@ -4,7 +4,8 @@ Every channel has amplitudes of its own, so that what the waves explain of each 
 through both frequencies alone. Where α1, α2 and k_VS are all free, one record leaves them free: the coupling is then
 held at 0, which reaches any two frequencies, and the constants are undetermined.
 
-Symbols    u = (log α1, log α2, k_VS², log σ) unknowns   A κ P_e 4π V_e, B 9π² K_A/8 of eq:defw
+Symbols    u = (log α1, log α2, k_VS², log σ) unknowns   A, B, C V_e² ω² of volume and area alone and their
+           coupling, all for α1 = α2 = k_VS = 1
 Valid for  equal decay, both modes underdamped
 Source     Mokbel et al. 2021: eq:defw; starts as `frequency_model.start_from_data`
 """
@@ -14,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jshell.calibration.batch_shape import Block, Shape
+from jshell.calibration.batch_shape import Block, Shape, coupled, uncoupled
 from jshell.signals.lane_search import Look
 from jshell.signals.lanes import stage, total
 from jshell.signals.two_waves import explained
@@ -54,7 +55,7 @@ def start(
         low, high: Bounds; what is fixed has both alike.
     """
     V, held = data.volume, low == high
-    A, B = 4 * jnp.pi * data.gas * V**2, 9 * jnp.pi**3 * data.wall / 2
+    A, B, C, _ = uncoupled(1.0, 1.0, 1.0, data.gas * V**2, data.wall)
     y = (V / data.step) ** 2 * (turn**2 + decay**2)
     whole, product = y[0] + y[1], y[0] * y[1]
     least = 0.02 * whole / A
@@ -64,12 +65,9 @@ def start(
         x1 = jnp.where(held[1], (whole - B / alpha2) / A, share * whole / A)
         x1 = jnp.maximum(jnp.where(held[0], 1 / alpha1, x1), least)
         x2 = jnp.where(held[1], 1 / alpha2, jnp.maximum((whole - A * x1) / B, 0.02 * whole / B))
-        k2 = jnp.maximum((A * B - product / (x1 * x2)) / (18 * jnp.pi**4), 1e-3)
+        k2 = jnp.maximum((A * B - product / (x1 * x2)) / C, 1e-3)
         k2 = jnp.where(held[2], low[2], k2)
-        a, b = A * x1, B * x2
-        root = jnp.sqrt((a - b) ** 2 / 4 + 18 * jnp.pi**4 * k2 * x1 * x2)
-        fast = (a + b) / 2 + root
-        slow = (a * b - 18 * jnp.pi**4 * k2 * x1 * x2) / fast
+        slow, fast, _, _ = coupled(A * x1, B * x2, C * k2 * x1 * x2)
         gap = jnp.sqrt(jnp.maximum(jnp.stack([slow, fast]), 0.0)) - jnp.sqrt(y)
         cost = jnp.sum(gap**2, axis=0) / whole + 1e-9 * (share - USUAL) ** 2
         return cost, jnp.stack([-jnp.log(x1), -jnp.log(x2), k2])

@@ -69,7 +69,7 @@ def amplitudes(modes: Shape, state: jax.Array, data: Any) -> list[list[jax.Array
     return [[cosine[0], sine[0], cosine[1], sine[1]]] * 2
 
 
-class Left(NamedTuple):
+class ResidualSums(NamedTuple):
     """What is left of a block, and the sums that the tests of `noise` ask for; (channels, block) each.
 
     Attributes:
@@ -94,7 +94,7 @@ class Left(NamedTuple):
 
 @partial(jax.jit, compiler_options=VECTORS)
 @lanewise
-def residual(unknowns: jax.Array, linear: jax.Array, rest: jax.Array, given: Given) -> Left:
+def residual(unknowns: jax.Array, linear: jax.Array, rest: jax.Array, given: Given) -> ResidualSums:
     """What is left of every record.
 
     Args:
@@ -121,7 +121,7 @@ def residual(unknowns: jax.Array, linear: jax.Array, rest: jax.Array, given: Giv
     # of residuals less their mean: what the mean adds is taken off
     ends = r[:, 0] + jnp.sum(jnp.where(jnp.arange(size)[:, None] == count - 1, r, 0.0), axis=1)
     neighbours = neighbours - mean * (2 * whole - ends) + (count - 1) * mean**2
-    return Left(r, power, mean, neighbours, above, changes, halves, absolute)
+    return ResidualSums(r, power, mean, neighbours, above, changes, halves, absolute)
 
 
 def left_of(modes: Shape, linear: jax.Array, rest: jax.Array, given: Any, inside: jax.Array) -> jax.Array:

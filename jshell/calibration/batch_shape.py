@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 UNKNOWNS = 4
@@ -67,17 +68,46 @@ class Shape(NamedTuple):
     sound: jax.Array
 
 
+class Uncoupled(NamedTuple):
+    """Volume and area alone.
+
+    Attributes:
+        volume, area: Squared frequency of each.
+        unit: Their coupling at k_VS = 1, squared.
+        masses: Of each.
+    """
+
+    volume: Any
+    area: Any
+    unit: Any
+    masses: tuple[Any, Any]
+
+
+def uncoupled(alpha1: Any, alpha2: Any, volume: Any, gas: Any, wall: Any) -> Uncoupled:
+    """The motions of eq:defw by what stiffness and mass are made of, as `Block` has them; numbers or arrays.
+
+    The same as `oscillator.linear.squares` has inside. For the volume 1 and κ V_e P_e as `gas` all are V_e² ω².
+    """
+    m1, m2 = alpha1 / (4 * np.pi), 2 * alpha2 * volume**2 / (9 * np.pi**3)
+    return Uncoupled(gas / m1, wall / m2, 1 / (volume**2 * m1 * m2), (m1, m2))
+
+
+def coupled(a: Any, b: Any, c2: Any) -> tuple[Any, Any, Any, Any]:
+    """Slow and fast ω² of two motions with a squared coupling; half the difference of both alone, and of ω²."""
+    half = (a - b) / 2
+    gap = jnp.sqrt(half * half + c2)
+    fast = (a + b) / 2 + gap
+    return (a * b - c2) / fast, fast, half, gap
+
+
 def shape(unknowns: Float[Array, "unknowns block"], data: Any) -> Shape:
     """Modes of given constants, with derivatives by perturbation of M and K; of the block its shells are read."""
     if data.modal:
         return _of_frequencies(unknowns, data)
     alpha1, alpha2, k, rate = jnp.exp(unknowns[0]), jnp.exp(unknowns[1]), unknowns[2], jnp.exp(unknowns[3])
-    m1, m2 = alpha1 / (4 * jnp.pi), 2 * alpha2 * data.volume**2 / (9 * jnp.pi**3)
-    a, b, c = data.gas / m1, data.wall / m2, k / (data.volume * jnp.sqrt(m1 * m2))
-    half = (a - b) / 2
-    gap = jnp.sqrt(half * half + c * c)
-    fast = (a + b) / 2 + gap
-    slow = (a * b - c * c) / fast
+    a, b, _, (m1, m2) = uncoupled(alpha1, alpha2, data.volume, data.gas, data.wall)
+    c = k / (data.volume * jnp.sqrt(m1 * m2))
+    slow, fast, half, gap = coupled(a, b, c * c)
     x, y = jnp.where(half >= 0, gap + half, c), jnp.where(half >= 0, c, gap - half)
     size = jnp.sqrt(x * x + y * y) + 1e-300
     x, y = x / size, y / size
@@ -101,20 +131,18 @@ def shape(unknowns: Float[Array, "unknowns block"], data: Any) -> Shape:
 def _of_frequencies(unknowns: Float[Array, "unknowns block"], data: Any) -> Shape:
     """The two frequencies of given constants; of each mode every channel has amplitudes of its own."""
     alpha1, alpha2, k2, rate = jnp.exp(unknowns[0]), jnp.exp(unknowns[1]), unknowns[2], jnp.exp(unknowns[3])
-    m1, m2 = alpha1 / (4 * jnp.pi), 2 * alpha2 * data.volume**2 / (9 * jnp.pi**3)
-    a, b, unit = data.gas / m1, data.wall / m2, 1 / (data.volume**2 * m1 * m2)
+    a, b, unit, _ = uncoupled(alpha1, alpha2, data.volume, data.gas, data.wall)
     c2 = k2 * unit
-    gap = jnp.sqrt((a - b) ** 2 / 4 + c2)
-    fast = (a + b) / 2 + gap
-    w2 = jnp.stack([(a * b - c2) / fast, fast])
+    slow, fast, half, gap = coupled(a, b, c2)
+    w2 = jnp.stack([slow, fast])
     turning = w2 - rate**2
     sound = (turning[0] > 1e-6 * fast) & (gap > 1e-9 * fast)
     damped = jnp.sqrt(jnp.where(sound, turning, 1.0))
 
     # of w² = (a + b)/2 ∓ gap, with both motions alone and their coupling
     sign, safe = jnp.array([-1.0, 1.0])[:, None], jnp.where(sound, gap, 1.0)
-    half = (a - b) / 4
-    by_a, by_b, by_c = 0.5 + sign * half / safe, 0.5 - sign * half / safe, sign / (2 * safe)
+    share = half / 2
+    by_a, by_b, by_c = 0.5 + sign * share / safe, 0.5 - sign * share / safe, sign / (2 * safe)
     own = jnp.stack([-by_a * a - by_c * c2, -by_b * b - by_c * c2, by_c * unit, -2 * jnp.stack([rate**2] * 2)])
     ones = jnp.ones((len(data.weight), *damped.shape))
     return Shape(damped, rate, ones, own / (2 * damped), jnp.zeros((len(data.weight), *own.shape)), sound)

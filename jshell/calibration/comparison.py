@@ -25,7 +25,7 @@ from jshell.calibration.trajectories import fit_trajectories
 from jshell.calibration.uncertainty import information
 from jshell.errors import BadName, BadShape, JshellError, Outcome, RangeWarning
 from jshell.signals import rates
-from jshell.signals.damped_pair import Modes, minimum
+from jshell.signals.damped_pair import DampedSinusoids, minimum
 from jshell.trace import Trace
 
 MODELS = ("one mode", "two modes", "three modes", "modal", "strict")
@@ -59,7 +59,7 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class ModelComparison:
     """Models of one record, best BIC first, with what follows in words."""
 
     rows: tuple[Row, ...]
@@ -118,7 +118,7 @@ def compare(
     equilibrium: str = "plateau",
     start: float | int | None = None,
     stop: float | int | None = None,
-) -> Comparison:
+) -> ModelComparison:
     """Which models describe one record.
 
     Args:
@@ -149,7 +149,7 @@ def compare(
     if not found:
         raise BadShape("trace", found="no model that fits it", expected="a ring-down", remedy="Choose another window.")
     found.sort(key=lambda row: row.bic)
-    return Comparison(tuple(found), names, data.size, _verdict(found))
+    return ModelComparison(tuple(found), names, data.size, _verdict(found))
 
 
 def _noise(trace: Trace, names: tuple[str, ...]) -> np.ndarray:
@@ -228,7 +228,7 @@ def _modes(count: int, times: np.ndarray, data: np.ndarray, weight: np.ndarray, 
     cost = np.where(np.asarray(every.converged), np.asarray(every.power), np.inf)
     if not np.isfinite(cost).any():
         return None
-    best: Modes = jax.tree.map(lambda a: a[int(np.argmin(cost))], every)
+    best: DampedSinusoids = jax.tree.map(lambda a: a[int(np.argmin(cost))], every)
     turn = np.outer(np.asarray(best.damped), elapsed)
     fade = np.exp(-elapsed / float(best.tau))
     curve = np.asarray(best.offset)[:, None] + fade * (
@@ -240,7 +240,7 @@ def _modes(count: int, times: np.ndarray, data: np.ndarray, weight: np.ndarray, 
 
 
 @jax.jit
-def _from_each(times: jax.Array, values: jax.Array, damped: jax.Array, tau: jax.Array) -> Modes:
+def _from_each(times: jax.Array, values: jax.Array, damped: jax.Array, tau: jax.Array) -> DampedSinusoids:
     """`minimum` from each start."""
     return jax.vmap(minimum, in_axes=(None, None, None, 0, 0))(times, values, jnp.ones_like(times), damped, tau)
 

@@ -11,7 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jshell.calibration.frequency_table import Frequencies
+from jshell.calibration.batch_shape import uncoupled
+from jshell.calibration.frequency_table import FrequencyTable
 from jshell.calibration.parameters import Unknowns, unknowns
 from jshell.oscillator.linear import frequencies_of_square, squares
 
@@ -20,7 +21,7 @@ SQUARED = frozenset({"k_vs"})  # frequencies know its square
 POSITIVE = frozenset({"alpha1", "alpha2"})
 
 
-def model(natural: Float[Array, "3"], rows: Frequencies) -> Float[Array, "shells 2"]:
+def model(natural: Float[Array, "3"], rows: FrequencyTable) -> Float[Array, "shells 2"]:
     """V_e² ω² of every row (eq:defw), slow first; negative where unstable."""
 
     def one(V, P, kappa, K_A):
@@ -30,13 +31,13 @@ def model(natural: Float[Array, "3"], rows: Frequencies) -> Float[Array, "shells
     return jax.vmap(one)(*arrays)
 
 
-def table_residual(u: jax.Array, args: tuple[Unknowns, Frequencies, str]) -> jax.Array:
+def table_residual(u: jax.Array, args: tuple[Unknowns, FrequencyTable, str]) -> jax.Array:
     """Weighted residual of a table, of what the solver sees."""
     free, rows, weighting = args
     return weighted(free.natural(u), rows, weighting)
 
 
-def weighted(natural: jax.Array, rows: Frequencies, weighting: str) -> Float[Array, " data"]:
+def weighted(natural: jax.Array, rows: FrequencyTable, weighting: str) -> Float[Array, " data"]:
     """Residual of every frequency, 0 where it is missing.
 
     In V_e ω the square root is continued by its tangent below a hundredth of
@@ -55,23 +56,23 @@ def weighted(natural: jax.Array, rows: Frequencies, weighting: str) -> Float[Arr
     return jnp.where(measured, r, 0.0).ravel()
 
 
-def _unit(slope: jax.Array, rows: Frequencies) -> jax.Array:
+def _unit(slope: jax.Array, rows: FrequencyTable) -> jax.Array:
     """How an error of ω becomes one of the residual; 1 where errors are unknown (σ = 1 everywhere)."""
     known = jnp.any(jnp.asarray(rows.sigma) != 1.0)
     return jnp.where(known, slope, jnp.ones_like(slope))
 
 
-def start_from_data(rows: Frequencies, fix: Mapping[str, float] | None = None) -> np.ndarray:
+def start_from_data(rows: FrequencyTable, fix: Mapping[str, float] | None = None) -> np.ndarray:
     """Constants from sums and products of the squared frequencies: (alpha1, alpha2, k_vs²).
 
     Rows with both frequencies: V²(ω-² + ω+²) = A/α1 + B/α2 is a line in the
-    inverse masses, and V⁴ω-²ω+² = (AB - 18π⁴ k²)/(α1 α2) then gives k². The
+    inverse masses, and V⁴ω-²ω+² = (AB - C k²)/(α1 α2) then gives k². The
     share of the volume motion in the sum is scanned, and the best taken; where
     rows do not tell the masses apart, volume and area motion share the sum.
     """
     fix = fix or {}
     V, P, kappa, K_A = (np.asarray(x) for x in (rows.volume, rows.pressure, rows.kappa, rows.area_modulus))
-    A, B = 4 * np.pi * kappa * P * V, 9 * np.pi**2 * K_A / 8
+    A, B, C, _ = uncoupled(1.0, 1.0, 1.0, kappa * P * V, K_A / (4 * np.pi))
     y = (V[:, None] * np.asarray(rows.omega)) ** 2
     both = np.isfinite(y).all(axis=1)
     if not both.any():  # one frequency per shell: let each motion alone explain it
@@ -90,7 +91,7 @@ def start_from_data(rows: Frequencies, fix: Mapping[str, float] | None = None) -
             x1 = share * np.mean(total / A)
         x1 = max(x1, 0.02 * np.mean(total / A))
         x2 = 1 / fix["alpha2"] if "alpha2" in fix else max(np.mean((total - A * x1) / B), 0.02 * np.mean(total / B))
-        k2 = max(np.mean((A * B - product / (x1 * x2)) / (18 * np.pi**4)), 1e-3)
+        k2 = max(np.mean((A * B - product / (x1 * x2)) / C), 1e-3)
         k2 = fix["k_vs"] ** 2 if "k_vs" in fix else k2
         slow, fast = squares(V[both], P[both], 1 / x1, 1 / x2, k2, kappa[both], K_A[both])
         gap = V[both, None] * np.sqrt(np.stack([np.maximum(slow, 0), fast], axis=1)) - np.sqrt(y)

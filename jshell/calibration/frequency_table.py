@@ -20,7 +20,7 @@ from jshell.shell.rest import buckled_state
 POSITIVE = ("omega_minus", "omega_plus", "V_e", "P_e", "d_hat", "P0_hat", "Pext_hat")
 
 
-class Frequencies(eqx.Module):
+class FrequencyTable(eqx.Module):
     """A table of frequencies, one row per shell: numbers only, NaN where a frequency is missing.
 
     Attributes:
@@ -44,7 +44,7 @@ class Frequencies(eqx.Module):
 class Prepared:
     """A table ready to fit, the columns that were read, and what was noticed on the way."""
 
-    rows: Frequencies
+    rows: FrequencyTable
     absolute: bool
     notes: tuple[str, ...]
     columns: Mapping[str, np.ndarray]
@@ -108,7 +108,7 @@ def prepare(table: Mapping[str, object]) -> Prepared:
     omega = np.where(lost[:, None], np.nan, omega)
     volume, pressure = np.where(np.isfinite(volume), volume, 1.0), np.where(np.isfinite(pressure), pressure, 1.0)
     sigma = sigma if absolute else np.ones_like(sigma)
-    rows = Frequencies(volume, pressure, kappa, 1 / (2 * (1 - nu)), omega, np.where(np.isfinite(sigma), sigma, 1.0))
+    rows = FrequencyTable(volume, pressure, kappa, 1 / (2 * (1 - nu)), omega, np.where(np.isfinite(sigma), sigma, 1.0))
     return Prepared(rows, absolute, tuple(notes), columns)
 
 

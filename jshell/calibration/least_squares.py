@@ -10,7 +10,7 @@ Source     Nielsen 1999, "Damping parameter in Marquardt's method", for λ;
 """
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 import equinox as eqx
 import jax
@@ -46,18 +46,38 @@ def value_and_jacobian(function: Callable, at: Float[Array, " free"]) -> tuple[A
     return jax.vmap(push, out_axes=(None, -1))(jnp.eye(at.size))
 
 
+class SearchOptions(TypedDict, total=False):
+    """Keywords of `levenberg_marquardt`, which `from_many_starts` passes on.
+
+    Attributes:
+        max_steps: Most steps tried; 100.
+        xtol: Converged when the undamped step moves no unknown by more than this part of its size; 1e-10.
+        ftol: Converged when the undamped step promises less than this part of the cost; 1e-12.
+        damping: Of the first step, relative to the squared lengths of the Jacobian's columns; 1e-3.
+        bend: Bend steps along the residual's second derivative (geodesic acceleration): follows narrow curved
+            valleys; the residual must allow reverse mode.
+        condensed: The function gives rows of [J, r] instead, any with the QR factor of those of the data; no bends.
+    """
+
+    max_steps: int
+    xtol: float
+    ftol: float
+    damping: float | Float[Array, ""]
+    bend: bool
+    condensed: bool
+
+
+def _with_defaults(max_steps=100, xtol=1e-10, ftol=1e-12, damping: Any = 1e-3, bend=False, condensed=False):
+    """The options with their defaults."""
+    return max_steps, xtol, ftol, damping, bend, condensed
+
+
 def levenberg_marquardt(
     residual: Callable[[jax.Array], jax.Array],
     start: Float[Array, "*starts free"],
     low: Float[Array, " free"],
     high: Float[Array, " free"],
-    *,
-    max_steps: int = 100,
-    xtol: float = 1e-10,
-    ftol: float = 1e-12,
-    damping: float | Float[Array, ""] = 1e-3,
-    bend: bool = False,
-    condensed: bool = False,
+    **options: Unpack[SearchOptions],
 ) -> SolverResult:
     """Minimise the sum of squared residuals from one start, or from several at once.
 
@@ -69,17 +89,12 @@ def levenberg_marquardt(
         start: Where to begin, inside the bounds; one row per start where there are several.
         low: Lower bounds, -inf where there is none.
         high: Upper bounds, inf where there is none.
-        max_steps: Most steps tried.
-        xtol: Converged when the undamped step moves no unknown by more than this part of its size.
-        ftol: Converged when the undamped step promises less than this part of the cost.
-        damping: Of the first step, relative to the squared lengths of the Jacobian's columns.
-        bend: Bend steps along the residual's second derivative (geodesic acceleration): follows narrow curved
-            valleys; the residual must allow reverse mode.
-        condensed: The function gives rows of [J, r] instead, any with the QR factor of those of the data; no bends.
+        options: How far and how, see `SearchOptions`.
 
     Returns:
         Outcome ok, at_bound, not_converged (out of steps), stalled (no step helps) or not_finite (at the start).
     """
+    max_steps, xtol, ftol, damping, bend, condensed = _with_defaults(**options)
     free = start.shape[-1]
 
     def evaluate(u: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
@@ -190,11 +205,7 @@ def from_many_starts(
     starts: Float[Array, "starts free"],
     low: Float[Array, " free"],
     high: Float[Array, " free"],
-    *,
-    max_steps: int = 100,
-    damping: float = 1e-3,
-    bend: bool = False,
-    condensed: bool = False,
+    **options: Unpack[SearchOptions],
 ) -> SolverResult:
     """Minimise from every start; compiled once per shape.
 
@@ -204,16 +215,10 @@ def from_many_starts(
         starts: One row per start.
         low: Lower bounds.
         high: Upper bounds.
-        max_steps: Most steps tried from each start.
-        damping: Of the first steps.
-        bend: Bend steps along narrow valleys, see `levenberg_marquardt`.
-        condensed: As there; such starts go one after the other.
+        options: As in `levenberg_marquardt`; `condensed` starts go one after the other.
     """
-    solve = lambda start: levenberg_marquardt(  # noqa: E731
-        lambda u: residual(u, args), start, low, high, max_steps=max_steps, damping=damping, bend=bend,
-        condensed=condensed,
-    )  # fmt: skip
-    return jax.lax.map(solve, starts) if condensed else solve(starts)
+    solve = lambda start: levenberg_marquardt(lambda u: residual(u, args), start, low, high, **options)  # noqa: E731
+    return jax.lax.map(solve, starts) if options.get("condensed") else solve(starts)
 
 
 def best_of(ending: SolverResult, size: float) -> tuple[int, np.ndarray]:

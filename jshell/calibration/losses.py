@@ -200,7 +200,7 @@ def _strict_basis(natural: jax.Array, record: Record, problem: Problem, late: bo
     system = matrices(strict_coefficients(natural, problem), record.state, record.conditions)
     elapsed, count = jnp.asarray(record.elapsed), record.elapsed.size
     if problem.solver == "diffrax":
-        options = integrator.Options(problem.rtol, problem.atol, adjoint=problem.adjoint)
+        options = integrator.Scheme(problem.rtol, problem.atol, adjoint=problem.adjoint)
         found = integrator.integrate(_advance, jnp.eye(4), elapsed, options, args=state_matrix(system))
         motion = jnp.asarray(found.samples)
     elif record.uniform:

@@ -28,7 +28,7 @@ from jshell.calibration.frequency_model import (
     table_residual,
     weighted,
 )
-from jshell.calibration.frequency_table import Frequencies, Prepared, prepare
+from jshell.calibration.frequency_table import FrequencyTable, Prepared, prepare
 from jshell.calibration.least_squares import SolverResult, best_of, from_many_starts, value_and_jacobian
 from jshell.calibration.objective import Objective
 from jshell.calibration.options import FitOptions, choices_of
@@ -116,12 +116,12 @@ def fit_frequencies(
     return dataclasses.replace(found, specification=given, versions=versions())
 
 
-def V_size(rows: Frequencies) -> float:
+def V_size(rows: FrequencyTable) -> float:
     """A typical V_e ω, the scale of the residual."""
     return float(np.sqrt(np.nansum((np.asarray(rows.volume)[:, None] * np.asarray(rows.omega)) ** 2)))
 
 
-def _square_size(rows: Frequencies, weighting: str) -> float:
+def _square_size(rows: FrequencyTable, weighting: str) -> float:
     """Sum of squares of the data as a weighting takes them, by its order of magnitude."""
     return V_size(rows) ** (2 if weighting == "V_e omega" else 4)
 

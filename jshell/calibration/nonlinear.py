@@ -48,7 +48,7 @@ NOTHING = 1e-9  # the same of a record without noise, in σ²
 UNDAMPED = 1e-8  # of the weights: as good as none, and the matrix stays positive
 FRESH, RUNNING = -2, -1
 WIDTH = MappingProxyType({"rk4": 128, "diffrax": 16})  # traces in flight: adaptive steps wait for each other
-OPTIONS = integrator.Options(1e-8, 1e-10, adjoint="forward")
+OPTIONS = integrator.Scheme(1e-8, 1e-10, adjoint="forward")
 
 
 @dataclass(frozen=True)

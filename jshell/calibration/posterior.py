@@ -115,7 +115,7 @@ def posterior(result: Fit, draws: int = 1000, *, warmup: int = 500, chains: int 
     size = best.size
     variance = objective.variance
     energy = lambda z, _: _energy(objective, best + half @ z[:size], z[size:], variance)  # noqa: E731
-    whole, sampling = size + (not objective.absolute), Sampling(draws, warmup, chains, seed)
+    whole, sampling = size + (not objective.absolute), SamplerSettings(draws, warmup, chains, seed)
     found = drawn(sampler(energy, whole, sampling), whole, sampling)
     u = np.asarray(best) + found.z[..., :size] @ np.asarray(half).T
     noise = np.ones(found.z.shape[:2]) if objective.absolute else np.sqrt(variance) * np.exp(found.z[..., size])
@@ -123,7 +123,7 @@ def posterior(result: Fit, draws: int = 1000, *, warmup: int = 500, chains: int 
 
 
 @dataclass(frozen=True)
-class Sampling:
+class SamplerSettings:
     """How much is drawn.
 
     Attributes:
@@ -149,14 +149,14 @@ class Sampling:
             )  # fmt: skip
 
 
-class Drawn(NamedTuple):
+class Draws(NamedTuple):
     """What a sampler drew: z (chains, draws, size) about 0, and whether it lost its way (chains, draws)."""
 
     z: np.ndarray
     diverging: np.ndarray
 
 
-def sampler(energy: Callable[..., jax.Array], size: int, sampling: Sampling) -> Any:
+def sampler(energy: Callable[..., jax.Array], size: int, sampling: SamplerSettings) -> Any:
     """NUTS for numbers whose scale is about one; may run again, without compiling, on other data of the same shapes.
 
     Args:
@@ -186,13 +186,13 @@ def sampler(energy: Callable[..., jax.Array], size: int, sampling: Sampling) -> 
     )  # fmt: skip
 
 
-def drawn(sampler: Any, size: int, sampling: Sampling, data: Any = ()) -> Drawn:
+def drawn(sampler: Any, size: int, sampling: SamplerSettings, data: Any = ()) -> Draws:
     """What a sampler draws, its chains begun near 0."""
     scatter = jax.random.normal(jax.random.PRNGKey(sampling.seed + 1), (sampling.chains, size)) * 0.3
     first = {"z": scatter if sampling.chains > 1 else scatter[0]}
     sampler.run(jax.random.PRNGKey(sampling.seed), data, init_params=first, extra_fields=("diverging",))
     z = np.asarray(sampler.get_samples(group_by_chain=True)["z"])
-    return Drawn(z, np.asarray(sampler.get_extra_fields(group_by_chain=True)["diverging"]))
+    return Draws(z, np.asarray(sampler.get_extra_fields(group_by_chain=True)["diverging"]))
 
 
 def summarised(

@@ -9,12 +9,12 @@ from jshell.calibration.losses import Problem
 from jshell.calibration.options import FitOptions
 from jshell.calibration.parameters import Unknowns
 from jshell.calibration.records import Record, record, rest_state
-from jshell.calibration.starts import Modes, find_modes
+from jshell.calibration.starts import ModePair, find_modes
 from jshell.errors import BadValue
 from jshell.trace import Trace
 
 
-def problem_of(cut: list[Trace], options: FitOptions) -> tuple[Joint, Unknowns, list[Modes | None], list[str]]:
+def problem_of(cut: list[Trace], options: FitOptions) -> tuple[Joint, Unknowns, list[ModePair | None], list[str]]:
     """What a fit solves: the traces inside their windows, compared as the options say, and their parameters.
 
     Args:
@@ -48,7 +48,7 @@ def problem_of(cut: list[Trace], options: FitOptions) -> tuple[Joint, Unknowns, 
 
 def prepared(
     cut: list[Trace], names: tuple[str, ...], equilibrium: str
-) -> tuple[list[Record], list[Modes | None], list[str]]:
+) -> tuple[list[Record], list[ModePair | None], list[str]]:
     """Records with rest states, their modes, and warnings."""
     with_sigma(cut, names)
     ready, modes, texts = [], [], []

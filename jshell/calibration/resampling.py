@@ -15,11 +15,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jshell.calibration.batch_shape import coupled, uncoupled
 from jshell.calibration.frequency_model import NAMES
-from jshell.calibration.frequency_table import Frequencies
+from jshell.calibration.frequency_table import FrequencyTable
 from jshell.calibration.result import Fit
 from jshell.errors import BadValue, Outcome
-from jshell.signals.lane_search import CONVERGED, RUNNING, Look, Search, begin, descend
+from jshell.signals.lane_search import CONVERGED, RUNNING, LMState, Look, begin, descend
 from jshell.signals.lanes import lanewise, stage, total
 
 TOGETHER = 512
@@ -35,7 +36,7 @@ class Resamples(NamedTuple):
         count, power: Of the data, per resample.
     """
 
-    rows: Frequencies
+    rows: FrequencyTable
     weight: Any
     count: Any
     power: Any
@@ -51,12 +52,10 @@ def look(unknowns: Float[Array, "3 block"], data: Resamples, squared: bool) -> L
     def slopes(u):
         """V²ω², slow and fast, and its derivatives (unknowns, shells, 2, block): eq:defw."""
         alpha1, alpha2 = jnp.exp(u[0])[None], jnp.exp(u[1])[None]
-        a, b = 4 * jnp.pi * kappa * P * V / alpha1, 9 * jnp.pi**2 * K_A / (8 * alpha2)
-        by_k = 18 * jnp.pi**4 / (alpha1 * alpha2)
-        half, c = (a - b) / 2, by_k * u[2][None]
-        root = jnp.sqrt(half * half + c)
-        fast = (a + b) / 2 + root
-        found = jnp.stack([(a * b - c) / fast, fast], axis=1)
+        a, b, by_k, _ = uncoupled(alpha1, alpha2, 1.0, kappa * P * V, K_A / (4 * jnp.pi))
+        c = by_k * u[2][None]
+        slow, fast, half, root = coupled(a, b, c)
+        found = jnp.stack([slow, fast], axis=1)
         over = 0.5 / jnp.maximum(root, 1e-300)
         apart = [(-half * a - c) * over, (half * b - c) * over, (by_k + 0 * a) * over]
         mean = [-a / 2, -b / 2 + 0 * a, 0 * a]
@@ -84,7 +83,7 @@ def look(unknowns: Float[Array, "3 block"], data: Resamples, squared: bool) -> L
 
 @eqx.filter_jit
 @lanewise
-def _resampled(start, counts, rows: Frequencies, low, high, squared: bool) -> Search:
+def _resampled(start, counts, rows: FrequencyTable, low, high, squared: bool) -> LMState:
     unit = jnp.asarray(rows.sigma)
     known = jnp.any(unit != 1.0)
     V, omega = jnp.asarray(rows.volume)[:, None], jnp.where(jnp.isfinite(rows.omega), rows.omega, 0.0)
@@ -99,7 +98,7 @@ def _resampled(start, counts, rows: Frequencies, low, high, squared: bool) -> Se
 
 
 def resample(
-    rows: Frequencies, whole: Fit, weighting: str, fixed_names: Collection[str], resamples: int, seed: int
+    rows: FrequencyTable, whole: Fit, weighting: str, fixed_names: Collection[str], resamples: int, seed: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Constants of tables whose shells are drawn again.
 

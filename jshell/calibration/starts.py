@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jshell.calibration.frequency_model import start_from_data
-from jshell.calibration.frequency_table import Frequencies
+from jshell.calibration.frequency_table import FrequencyTable
 from jshell.calibration.joint import Joint, nominal_values, single_names
 from jshell.calibration.losses import Problem
 from jshell.calibration.records import Record
@@ -25,7 +25,7 @@ from jshell.signals.waves_from_data import in_cells, model_orders, sound
 CLEARLY = 0.9  # of what the pencil's modes leave, below which others are taken instead
 
 
-class Modes(NamedTuple):
+class ModePair(NamedTuple):
     """Two decaying modes of a record, slow first.
 
     Attributes:
@@ -54,7 +54,7 @@ class Modes(NamedTuple):
         return np.imag(self.poles) ** 2 + 1 / self.tau**2
 
 
-def find_modes(elapsed: np.ndarray, data: np.ndarray) -> Modes | None:
+def find_modes(elapsed: np.ndarray, data: np.ndarray) -> ModePair | None:
     """Two modes of a record over all its channels; None where there are not two.
 
     By matrix pencil; by least squares from many starts where these leave clearly less, as of a mode a thousand times
@@ -67,15 +67,15 @@ def find_modes(elapsed: np.ndarray, data: np.ndarray) -> Modes | None:
     spread = data.std(axis=1, keepdims=True)
     if not np.all(spread > 0):
         return None
-    best: Modes | None = None
+    best: ModePair | None = None
     even = (data - data.mean(axis=1, keepdims=True)) / spread
 
-    def offer(best: Modes | None, s: np.ndarray, better: float = 1.0) -> Modes | None:
+    def offer(best: ModePair | None, s: np.ndarray, better: float = 1.0) -> ModePair | None:
         s = -np.maximum(-np.real(s), 1e-3) + 1j * np.imag(s)
         s = s[np.argsort(np.abs(s))]
         amplitudes, offsets, left = _amplitudes(elapsed, data, s)
         rms = float(np.sqrt(np.mean(left.var(axis=1) / data.var(axis=1))))
-        return Modes(s, amplitudes, offsets, rms) if best is None or rms < better * best.rms else best
+        return ModePair(s, amplitudes, offsets, rms) if best is None or rms < better * best.rms else best
 
     for heard in rates(elapsed, data / spread):
         if heard.size > 1:
@@ -96,7 +96,7 @@ def _amplitudes(times: np.ndarray, data: np.ndarray, poles: np.ndarray):
     return (found[:k] + 1j * found[k : 2 * k]).T, found[-1], (data.T - basis @ found).T
 
 
-def strict_start(records: list[Record], modes: list[Modes], fix: dict[str, float]) -> np.ndarray:
+def strict_start(records: list[Record], modes: list[ModePair], fix: dict[str, float]) -> np.ndarray:
     """(alpha1, alpha2, k_vs, beta1) from the modes of V and S.
 
     With equal decay s² + 2s/τ = -ω², so each mode says
@@ -139,11 +139,11 @@ def blind_start(random: np.random.Generator, records: list[Record]) -> np.ndarra
     return np.array([alpha1, alpha2, random.uniform(-0.4, 0.4), alpha1 / (2 * eta * random.uniform(4.0, 40.0))])
 
 
-def first_start(loss: str, records: list[Record], modes: list[Modes], fix: Mapping[str, float]) -> np.ndarray:
+def first_start(loss: str, records: list[Record], modes: list[ModePair], fix: Mapping[str, float]) -> np.ndarray:
     """The constants that the modes of records imply: as `strict_start`, or alpha1, alpha2, k_vs² of a modal fit."""
     if loss == "strict":
         return strict_start(records, modes, dict(fix))
-    table = Frequencies(
+    table = FrequencyTable(
         np.array([float(one.state.volume) for one in records]),
         np.array([float(one.state.pressure) for one in records]),
         np.array([float(one.conditions.kappa) for one in records]),
@@ -155,7 +155,7 @@ def first_start(loss: str, records: list[Record], modes: list[Modes], fix: Mappi
 
 
 def starts_of_constants(
-    problem: Problem, modes: Sequence[Modes | None], fix: Mapping[str, float], count: int, seed: int
+    problem: Problem, modes: Sequence[ModePair | None], fix: Mapping[str, float], count: int, seed: int
 ) -> np.ndarray:
     """(starts, names): one from the modes, others scattered around it; blind draws where no modes are found."""
     random = np.random.default_rng(seed)
@@ -185,7 +185,7 @@ def starts_of_constants(
 
 
 def starts_of_fit(
-    joint: Joint, modes: Sequence[Modes | None], fix: Mapping[str, float], count: int, seed: int
+    joint: Joint, modes: Sequence[ModePair | None], fix: Mapping[str, float], count: int, seed: int
 ) -> np.ndarray:
     """(starts, parameters): shared constants from all traces, local ones from the trace's own modes.
 

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.special
 
 from jshell.calibration.estimate import Estimate
-from jshell.calibration.frequency_table import Frequencies
+from jshell.calibration.frequency_table import FrequencyTable
 from jshell.calibration.noise import MISFIT
 
 CHANCE = 1e-3  # of a good table, by which a test may call it a misfit
@@ -17,7 +17,7 @@ ROUNDING = 1e-9  # relative: what is off by less is exact
 COLUMNS = ("slow", "fast")
 
 
-def misfits_of_table(r: np.ndarray, found: np.ndarray, rows: Frequencies, varied: int, absolute: bool) -> list[str]:
+def misfits_of_table(r: np.ndarray, found: np.ndarray, rows: FrequencyTable, varied: int, absolute: bool) -> list[str]:
     """What speaks against the model, in words.
 
     Args:

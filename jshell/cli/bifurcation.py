@@ -1,6 +1,7 @@
 """`jshell bifurcation`: what a tone of rising amplitude does to a shell once its transients are gone."""
 
 import importlib
+from dataclasses import astuple, dataclass
 from typing import Annotated, Any
 
 import numpy as np
@@ -11,30 +12,39 @@ from jshell.cli import decay as decays
 from jshell.cli.constants import Damped, with_damping
 from jshell.cli.destinations import Picture, drawable
 from jshell.cli.output import Json, finish, log, say, speaking
-from jshell.cli.problem import Problem, with_conditions
+from jshell.cli.problem import Case, with_conditions, with_options
 from jshell.errors import BadValue, Outcome
+
+
+@dataclass(frozen=True)
+class SweepOptions:
+    """Amplitudes of a tone, and how long each is looked at."""
+
+    highest: Annotated[float, typer.Option(help="Largest amplitude / (E d/R0).")]
+    lowest: Annotated[float, typer.Option(help="Least amplitude / (E d/R0).")] = 0.001
+    lanes: Annotated[int, typer.Option(help="How many amplitudes.")] = 400
+    periods: Annotated[int, typer.Option(help="Of the tone, for each amplitude.")] = 200
+    keep: Annotated[int, typer.Option(help="Periods looked at, at the end.")] = 50
 
 
 @speaking
 @with_conditions
 @with_damping
+@with_options(SweepOptions, "sweep")
 def bifurcation(
-    problem: Problem,
+    problem: Case,
     damped: Damped,
-    highest: Annotated[float, typer.Option(help="Largest amplitude / (E d/R0).")],
-    lowest: Annotated[float, typer.Option(help="Least amplitude / (E d/R0).")] = 0.001,
-    lanes: Annotated[int, typer.Option(help="How many amplitudes.")] = 400,
+    sweep: SweepOptions,
     angular_frequency: Annotated[
         float | None, typer.Option("--pulsation", help="Angular frequency of the tone; default the slow mode's.")
     ] = None,
-    periods: Annotated[int, typer.Option(help="Of the tone, for each amplitude.")] = 200,
-    keep: Annotated[int, typer.Option(help="Periods looked at, at the end.")] = 50,
     tau: decays.Tau = None,
     plot: Picture = None,
     as_json: Json = False,
 ) -> None:
     """Bifurcation diagram: the volume once a period over the amplitude of a tone."""
     drawable(plot)
+    highest, lowest, lanes, periods, keep = astuple(sweep)
     if not (0 < lowest < highest and lanes > 1):
         raise BadValue(
             "--lowest, --highest, --lanes",

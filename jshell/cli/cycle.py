@@ -12,21 +12,29 @@ from jshell.cli import decay as decays
 from jshell.cli.constants import Damped, with_damping
 from jshell.cli.destinations import OutFile, Picture, drawable, traceable, write_finite
 from jshell.cli.output import Json, finish, judged, log, say, speaking, table
-from jshell.cli.problem import Problem, with_conditions
+from jshell.cli.problem import Case, with_conditions, with_options
 from jshell.errors import BadValue
+
+
+@dataclasses.dataclass(frozen=True)
+class CycleOptions:
+    """A pressure that goes up and down."""
+
+    low: Annotated[float, typer.Option(help="Least outer pressure / (E d/R0).")]
+    high: Annotated[float, typer.Option(help="Largest outer pressure / (E d/R0).")]
+    period: Annotated[float, typer.Option(help="Length of one cycle.")] = 400.0
+    cycles: Annotated[int, typer.Option(help="How many.")] = 2
+    samples: Annotated[int, typer.Option(help="A cycle.")] = 1000
 
 
 @speaking
 @with_conditions
 @with_damping
+@with_options(CycleOptions, "load")
 def cycle(
-    problem: Problem,
+    problem: Case,
     damped: Damped,
-    low: Annotated[float, typer.Option(help="Least outer pressure / (E d/R0).")],
-    high: Annotated[float, typer.Option(help="Largest outer pressure / (E d/R0).")],
-    period: Annotated[float, typer.Option(help="Length of one cycle.")] = 400.0,
-    cycles: Annotated[int, typer.Option(help="How many.")] = 2,
-    samples: Annotated[int, typer.Option(help="A cycle.")] = 1000,
+    load: CycleOptions,
     tau: decays.Tau = None,
     out: OutFile = None,
     plot: Picture = None,
@@ -35,6 +43,7 @@ def cycle(
     """Follow a shell through buckling and unbuckling under a pressure that swings between two values."""
     traceable(out)
     drawable(plot)
+    low, high, period, cycles, samples = dataclasses.astuple(load)
     if not (0 < low < high and cycles > 0 and samples > 1):
         raise BadValue(
             "--low, --high, --cycles, --samples",

@@ -6,7 +6,7 @@ import typer
 
 import jshell
 from jshell.cli.constants import Damped
-from jshell.cli.problem import Problem
+from jshell.cli.problem import Case
 from jshell.errors import BadValue
 
 Tau = Annotated[float | None, typer.Option("--tau", help="Decay time of both modes.")]
@@ -14,7 +14,7 @@ CHOOSE = "--beta1 or --tau choose"
 
 
 def decay(
-    problem: Problem, damped: Damped, tau: float | None, drag: str | None = None, layer: bool = False
+    problem: Case, damped: Damped, tau: float | None, drag: str | None = None, layer: bool = False
 ) -> "tuple[jshell.oscillator.Coefficients, str, jshell.oscillator.Decay]":
     """Constants, the law of drag, and how fast they let a shell ring down.
 

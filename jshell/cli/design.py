@@ -33,5 +33,5 @@ def design(
     finish(found.outcome)
 
 
-def _word(found: "jshell.sensitivity.Design", index: int) -> str:
+def _word(found: "jshell.sensitivity.MatchingShells", index: int) -> str:
     return str(index + 1) if found.shells else f"nearest, {100 * found.gap:.2g} % off"

@@ -13,7 +13,7 @@ from jshell.cli import decay as decays
 from jshell.cli.constants import Damped, with_damping
 from jshell.cli.destinations import OutFile, Picture, drawable, traceable, write_finite
 from jshell.cli.output import Json, finish, judged, log, say, speaking
-from jshell.cli.problem import Problem, with_conditions
+from jshell.cli.problem import Case, with_conditions, with_options
 from jshell.errors import BadValue, Outcome, choose
 from jshell.sizes import count_of_samples
 
@@ -28,36 +28,60 @@ DIMENSIONS = {"pulsation": "angular frequency", "pole_speed_max": "speed", "ende
 DRAGS = ("viscous", "equal_decay", "reynolds", "none")
 
 
-@speaking
-@with_conditions
-@with_damping
-def drive(
-    problem: Problem,
-    damped: Damped,
-    forcing: Annotated[str, typer.Option(help="tone, pulse, burst, step or ramp.")] = "tone",
+@dataclasses.dataclass(frozen=True)
+class ForcingOptions:
+    """The added pressure."""
+
+    forcing: Annotated[str, typer.Option(help="tone, pulse, burst, step or ramp.")] = "tone"
     amplitude: Annotated[
         float, typer.Option(help="Added pressure / (E d/R0); of a pulse or burst its peak negative pressure.")
-    ] = 0.02,
+    ] = 0.02
     angular_frequency: Annotated[
         float | None,
         typer.Option("--pulsation", help="Angular frequency of a tone, pulse or burst; default the slow mode's."),
-    ] = None,
-    cycles: Annotated[int, typer.Option(help="Of a pulse or burst.")] = 5,
-    kpa: Annotated[float | None, typer.Option("--kpa", help="Amplitude in kPa (needs SI conditions).")] = None,
-    mhz: Annotated[float | None, typer.Option("--mhz", help="Frequency in MHz (needs SI conditions).")] = None,
-    rise: Annotated[float, typer.Option(help="Length of a ramp.")] = 10.0,
-    duration: Annotated[float, typer.Option(help="Length of the run.")] = 100.0,
+    ] = None
+    cycles: Annotated[int, typer.Option(help="Of a pulse or burst.")] = 5
+    kpa: Annotated[float | None, typer.Option("--kpa", help="Amplitude in kPa (needs SI conditions).")] = None
+    mhz: Annotated[float | None, typer.Option("--mhz", help="Frequency in MHz (needs SI conditions).")] = None
+    rise: Annotated[float, typer.Option(help="Length of a ramp.")] = 10.0
+
+
+@dataclasses.dataclass(frozen=True)
+class SpanOptions:
+    """When the motion is sampled."""
+
+    duration: Annotated[float, typer.Option(help="Length of the run.")] = 100.0
     every: Annotated[
         float | None,
         typer.Option(help="Spacing of the samples; by default 0.05, or less where drive or shell are faster."),
-    ] = None,
+    ] = None
+
+
+@dataclasses.dataclass(frozen=True)
+class DragOptions:
+    """What takes energy away."""
+
     drag: Annotated[
         str | None, typer.Option(help="viscous, equal_decay, reynolds or none.", show_default="viscous")
-    ] = None,
-    tau: decays.Tau = None,
-    layer: Annotated[float, typer.Option(help="Factor of a Stokes layer; 0 is none.")] = 0.0,
-    wall_viscosity: Annotated[float, typer.Option(help="Viscosity of the wall / (E d time).")] = 0.0,
-    sound_speed: Annotated[float | None, typer.Option(help="Speed of sound / sqrt(E d/rho R0).")] = None,
+    ] = None
+    tau: decays.Tau = None
+    layer: Annotated[float, typer.Option(help="Factor of a Stokes layer; 0 is none.")] = 0.0
+    wall_viscosity: Annotated[float, typer.Option(help="Viscosity of the wall / (E d time).")] = 0.0
+    sound_speed: Annotated[float | None, typer.Option(help="Speed of sound / sqrt(E d/rho R0).")] = None
+
+
+@speaking
+@with_conditions
+@with_damping
+@with_options(ForcingOptions, "tone")
+@with_options(SpanOptions, "span")
+@with_options(DragOptions, "losses")
+def drive(
+    problem: Case,
+    damped: Damped,
+    tone: ForcingOptions,
+    span: SpanOptions,
+    losses: DragOptions,
     out: OutFile = None,
     plot: Picture = None,
     as_json: Json = False,
@@ -65,22 +89,24 @@ def drive(
     """Drive a buckled shell by a tone, pulse, burst, step or ramp, with the nonlinear short model."""
     traceable(out)
     drawable(plot)
-    constants, law, found_decay = decays.decay(problem, damped, tau, drag, layer > 0)
-    omega = _angular_frequency(problem, constants, angular_frequency, mhz)
-    size = amplitude if kpa is None else _si(problem, "--kpa") and 1e3 * kpa / problem.scales.pressure  # pyright: ignore
-    pressure = _forcing(forcing, size, omega, cycles, rise)
+    constants, law, found_decay = decays.decay(problem, damped, losses.tau, losses.drag, losses.layer > 0)
+    omega = _angular_frequency(problem, constants, tone.angular_frequency, tone.mhz)
+    size = tone.amplitude
+    if tone.kpa is not None:
+        size = _si(problem, "--kpa") and 1e3 * tone.kpa / problem.scales.pressure  # pyright: ignore
+    pressure = _forcing(tone.forcing, size, omega, tone.cycles, tone.rise)
     short = jshell.oscillator
-    memory = short.StokesLayer(jshell.memory.half_derivative(), layer) if layer > 0 else None
-    losses = short.Drag(law, tau, short.Reynolds(), memory, wall_viscosity, sound_speed)
-    times = _times(problem, constants, omega, duration, every)
-    log(f"driving {duration:g} time units at angular frequency {omega:g}")
-    found = short.drive(problem.conditions, constants, pressure, times=times, drag=losses)
+    memory = short.StokesLayer(jshell.memory.half_derivative(), losses.layer) if losses.layer > 0 else None
+    drag = short.Drag(law, losses.tau, short.Reynolds(), memory, losses.wall_viscosity, losses.sound_speed)
+    times = _times(problem, constants, omega, span.duration, span.every)
+    log(f"driving {span.duration:g} time units at angular frequency {omega:g}")
+    found = short.drive(problem.conditions, constants, pressure, times=times, drag=drag)
     if memory is not None:
         _tell_of_thick_layer(problem, found)
     _tell(problem, found, found_decay, omega, out, plot, as_json)
 
 
-def _tell_of_thick_layer(problem: Problem, found: "jshell.oscillator.Response") -> None:
+def _tell_of_thick_layer(problem: Case, found: "jshell.oscillator.Response") -> None:
     """What the exact liquid says, where the layer is too thick for its law, which the run has warned of."""
     limits = importlib.import_module("jshell.oscillator.drive")
     driven = found.driven
@@ -93,7 +119,7 @@ def _tell_of_thick_layer(problem: Problem, found: "jshell.oscillator.Response") 
 
 
 def _times(
-    problem: Problem, constants: "jshell.oscillator.Coefficients", omega: float, duration: float, every: float | None
+    problem: Case, constants: "jshell.oscillator.Coefficients", omega: float, duration: float, every: float | None
 ) -> np.ndarray:
     """When the run is sampled: fine enough for three times the drive and for the shell's fast mode."""
     fast = float(jshell.oscillator.frequencies(problem.conditions, constants).omega_plus)
@@ -112,7 +138,7 @@ def _times(
 
 
 def _tell(
-    problem: Problem,
+    problem: Case,
     found: "jshell.oscillator.Response",
     decay: "jshell.oscillator.Decay",
     omega: float,
@@ -160,14 +186,14 @@ def _tell(
     finish(outcome)
 
 
-def _si(problem: Problem, option: str) -> bool:
+def _si(problem: Case, option: str) -> bool:
     if problem.scales is None:
         raise BadValue(option, found="conditions without units", expected="SI conditions", remedy="Give --r0 and kin.")
     return True
 
 
 def _angular_frequency(
-    problem: Problem, constants: "jshell.oscillator.Coefficients", given: float | None, mhz: float | None
+    problem: Case, constants: "jshell.oscillator.Coefficients", given: float | None, mhz: float | None
 ) -> float:
     """The drive's angular frequency: as given, from a frequency, or that of the slow mode."""
     if mhz is not None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import jshell
-from jshell.cli.problem import Problem
+from jshell.cli.problem import Case
 from jshell.errors import BadFile, BadUnits, BadValue, choose
 from jshell.files import NamedBytes
 
@@ -86,7 +86,7 @@ ReynoldsLaw = Annotated[
 ]
 
 
-def outer_pressure(path: Path | None, problem: Problem, reading: dict[str, Any] | None = None) -> tuple | None:
+def outer_pressure(path: Path | None, problem: Case, reading: dict[str, Any] | None = None) -> tuple | None:
     """Times and outer pressure of a table, without units; None without a file.
 
     `reading` is what the table leaves open, as the verbs that read traces take it.
@@ -138,13 +138,13 @@ def forcing(
 
 
 def losses(
-    stokes: str | None,
-    frequency: float | None,
-    bulk: bool,
-    dilatation: float | None,
-    retardation: float | None,
-    reynolds: bool,
-    order: int = 2,
+    stokes: Stokes = None,
+    stokes_frequency: StokesFrequency = None,
+    bulk: Bulk = False,
+    wall_dilatation: WallDilatation = None,
+    retardation: Retardation = None,
+    reynolds: ReynoldsLaw = False,
+    order: Order = 2,
 ) -> "jshell.dynamics.Losses":
     """The losses that the options describe.
 
@@ -155,6 +155,7 @@ def losses(
     """
     from jshell.dynamics.losses import STOKES  # help need not wait for it
 
+    frequency, dilatation = stokes_frequency, wall_dilatation
     chosen = stokes if stokes is not None else ("memory" if frequency is None else "frequency")
     choose("--stokes", chosen, STOKES, remedy="memory is usual.")
     if (chosen == "frequency") != (frequency is not None):

@@ -11,7 +11,7 @@ from jshell.cli import decay as decays
 from jshell.cli.constants import Damped, with_damping
 from jshell.cli.destinations import writable
 from jshell.cli.output import Json, finish, log, say, speaking, table
-from jshell.cli.problem import Problem, with_conditions
+from jshell.cli.problem import Case, with_conditions
 from jshell.errors import BadValue, Outcome
 
 ENDINGS = (".csv", ".py", ".apecss")
@@ -21,7 +21,7 @@ ENDINGS = (".csv", ".py", ".apecss")
 @with_conditions
 @with_damping
 def export(
-    problem: Problem,
+    problem: Case,
     damped: Damped,
     path: Annotated[Path, typer.Argument(help="Law to write: .csv a table, .py for jbubble, .apecss for APECSS.")],
     along: Annotated[str, typer.Option(help="mode, right for sound; rest, right for slow loads.")] = "mode",

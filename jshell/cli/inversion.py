@@ -1,6 +1,7 @@
 """`jshell invert`: what shell recordings are of, by the simulator."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,68 +11,95 @@ import typer
 import jshell
 from jshell.cli.destinations import Picture, drawable
 from jshell.cli.output import Json, finish, log, say, speaking
+from jshell.cli.problem import with_options
 from jshell.cli.reading import takes_reading
 from jshell.errors import BadValue
 
 FREE = (-np.inf, np.inf)
 
 
-@speaking
-@takes_reading
-def invert(
-    files: Annotated[list[Path], typer.Argument(help="Ring-downs of one shell (text, .xlsx, .json, .nc, .mat, …).")],
-    reading: Any = None,
+@dataclass(frozen=True)
+class UnknownOptions:
+    """What is asked of the shells, and what is known of them."""
+
     unknown: Annotated[
         list[str] | None,
         typer.Option(help="youngs_modulus,gas_pressure,…: what is asked; may be repeated."),
-    ] = None,
+    ] = None
     known: Annotated[
         list[str] | None, typer.Option(help="NAME=VALUE [SI, or without units], over the header's; may be repeated.")
-    ] = None,
-    prior: Annotated[list[str] | None, typer.Option(help="NAME=MEAN:ERROR of an unknown; may be repeated.")] = None,
-    bounds: Annotated[list[str] | None, typer.Option(help="NAME=LOW:HIGH of an unknown; may be repeated.")] = None,
-    local: Annotated[list[str] | None, typer.Option(help="Unknowns that every file has for itself.")] = None,
-    meta: Annotated[Path | None, typer.Option(help="Conditions (JSON) for files without them.")] = None,
-    channels: Annotated[str | None, typer.Option(help="H,W,V,S,x_front,x_back: those to use.")] = None,
-    start: Annotated[float | None, typer.Option(help="Where the ring-down begins [s, or time unit].")] = None,
-    stop: Annotated[float | None, typer.Option(help="Where it ends [s, or time unit].")] = None,
-    free_rest: Annotated[bool, typer.Option(help="The values where channels rest are no data.")] = False,
+    ] = None
+    prior: Annotated[list[str] | None, typer.Option(help="NAME=MEAN:ERROR of an unknown; may be repeated.")] = None
+    bounds: Annotated[list[str] | None, typer.Option(help="NAME=LOW:HIGH of an unknown; may be repeated.")] = None
+    local: Annotated[list[str] | None, typer.Option(help="Unknowns that every file has for itself.")] = None
     nuisance: Annotated[
         bool | None, typer.Option(help="Seek pad and weak spot too, from priors; by default with SI units.")
-    ] = None,
-    exact: Annotated[bool, typer.Option(help="Correct the answer to the exact liquid.")] = True,
-    elements: Annotated[int | None, typer.Option(help="Elements of the meridian; 20 for modes, 24 for traces.")] = None,
-    level: Annotated[
-        str, typer.Option(help="modal: ring-downs; trace: records through the snap, simulated whole.")
-    ] = "modal",
+    ] = None
+
+
+@dataclass(frozen=True)
+class RecordOptions:
+    """What of the files is read."""
+
+    meta: Annotated[Path | None, typer.Option(help="Conditions (JSON) for files without them.")] = None
+    channels: Annotated[str | None, typer.Option(help="H,W,V,S,x_front,x_back: those to use.")] = None
+    start: Annotated[float | None, typer.Option(help="Where the ring-down begins [s, or time unit].")] = None
+    stop: Annotated[float | None, typer.Option(help="Where it ends [s, or time unit].")] = None
+    free_rest: Annotated[bool, typer.Option(help="The values where channels rest are no data.")] = False
+
+
+@dataclass(frozen=True)
+class SimulatorOptions:
+    """How the simulator is compared with the records."""
+
+    exact: Annotated[bool, typer.Option(help="Correct the answer to the exact liquid.")] = True
+    elements: Annotated[int | None, typer.Option(help="Elements of the meridian; 20 for modes, 24 for traces.")] = None
+    level: Annotated[str, typer.Option(help="modal: ring-downs; trace: records through the snap, simulated whole.")] = (
+        "modal"
+    )
     ramp: Annotated[
         float | None,
         typer.Option(help="trace: time of the pressure's rise [s, or time unit], 0 at once; by default the file's."),
-    ] = None,
-    origin: Annotated[float, typer.Option(help="trace: when the pressure begins to rise [s, or time unit].")] = 0.0,
-    starts: Annotated[int, typer.Option(help="trace: from how many starts.")] = 1,
-    engine: Annotated[str, typer.Option(help="trace: inline, processes, processes:N, tcp://host:port.")] = "inline",
+    ] = None
+    origin: Annotated[float, typer.Option(help="trace: when the pressure begins to rise [s, or time unit].")] = 0.0
+    starts: Annotated[int, typer.Option(help="trace: from how many starts.")] = 1
+    engine: Annotated[str, typer.Option(help="trace: inline, processes, processes:N, tcp://host:port.")] = "inline"
     checkpoint: Annotated[
         Path | None, typer.Option(help="trace: folder that keeps every simulation; the same command goes on there.")
-    ] = None,
+    ] = None
+
+
+@speaking
+@takes_reading
+@with_options(UnknownOptions, "asked")
+@with_options(RecordOptions, "records")
+@with_options(SimulatorOptions, "simulator")
+def invert(
+    files: Annotated[list[Path], typer.Argument(help="Ring-downs of one shell (text, .xlsx, .json, .nc, .mat, …).")],
+    asked: UnknownOptions,
+    records: RecordOptions,
+    simulator: SimulatorOptions,
+    reading: Any = None,
     profile: Annotated[bool, typer.Option(help="Asymmetric 95% intervals by profile likelihood.")] = False,
     plot: Picture = None,
     as_json: Json = False,
 ) -> None:
     """Invert ring-downs, or records through the snap: modulus, gas, pad, … of the shell, by the simulator."""
     drawable(plot)
-    asked = _asked(unknown or [], prior or [], bounds or [])
-    said = dict(_pair(text, "--known") for text in _split(known or []))
-    mesh: dict[str, Any] = {} if elements is None else {"elements": elements}
-    how: Any = level
-    if level == "trace":
+    unknowns = _asked(asked.unknown or [], asked.prior or [], asked.bounds or [])
+    said = dict(_pair(text, "--known") for text in _split(asked.known or []))
+    mesh: dict[str, Any] = {} if simulator.elements is None else {"elements": simulator.elements}
+    how: Any = simulator.level
+    if how == "trace":
         how = jshell.inversion.Snap(
-            ramp=ramp, origin=origin, starts=starts, engine=engine, checkpoint=checkpoint, progress=_tell, **mesh
+            ramp=simulator.ramp, origin=simulator.origin, starts=simulator.starts, engine=simulator.engine,
+            checkpoint=simulator.checkpoint, progress=_tell, **mesh,
         )  # fmt: skip
-    traces = [jshell.io.read_trace(file, meta=meta, **reading) for file in files]
+    traces = [jshell.io.read_trace(file, meta=records.meta, **reading) for file in files]
+    channels = None if records.channels is None else tuple(_split([records.channels]))
     found = jshell.invert(
-        traces, said, asked, local=tuple(_split(local or [])), start=start, stop=stop, free_rest=free_rest,
-        nuisance=nuisance, exact=exact, level=how, channels=None if channels is None else tuple(_split([channels])),
+        traces, said, unknowns, local=tuple(_split(asked.local or [])), start=records.start, stop=records.stop,
+        free_rest=records.free_rest, nuisance=asked.nuisance, exact=simulator.exact, level=how, channels=channels,
         **mesh,
     )  # fmt: skip
     profiles = found.profile() if profile else None

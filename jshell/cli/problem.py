@@ -1,11 +1,12 @@
 """The conditions that every verb takes: a preset, pure numbers, or SI.
 
 One place declares these options; `with_conditions` adds them to a verb and
-hands it a `Problem`; `with_options` does so for any group of options.
+hands it a `Case`; `with_options` does so for any group of options.
 """
 
 import functools
 import inspect
+import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,8 +21,8 @@ from jshell.quantities import POWERS, SI_UNIT, UNITS, laboratory_unit
 
 
 @dataclass(frozen=True)
-class Problem:
-    """Conditions from the command line, and the scales where they came in SI."""
+class Case:
+    """The shell and load that a command line describes, and their scales where they came in SI."""
 
     conditions: "jshell.Reduced"
     scales: "jshell.Scales | None"
@@ -88,6 +89,8 @@ def named(conditions: "jshell.Reduced") -> dict[str, float]:
     }
 
 
+PURE = ("d_hat", "p0_hat", "pext_hat", "eta_hat")
+SI = ("r0", "d", "e", "p0", "pext", "rho", "eta")
 _REDUCED = "Conditions without units"
 _SI = "Conditions in SI"
 Preset = Annotated[
@@ -112,31 +115,34 @@ Rho = Annotated[float | None, typer.Option("--rho", help="Density of the liquid 
 Eta = Annotated[float | None, typer.Option("--eta", help="Viscosity of the liquid [Pa s].", rich_help_panel=_SI)]
 
 
-def conditions(
-    preset: Preset = None,
-    d_hat: DHat = None,
-    p0_hat: P0Hat = None,
-    pext_hat: PextHat = None,
-    eta_hat: EtaHat = None,
-    kappa: Kappa = None,
-    nu: Nu = None,
-    r0: R0 = None,
-    d: D = None,
-    e: E = None,
-    p0: P0 = None,
-    pext: Pext = None,
-    rho: Rho = None,
-    eta: Eta = None,
-) -> Problem:
+@dataclass(frozen=True)
+class ConditionOptions:
+    """A shell and its load as a command line gives them."""
+
+    preset: Preset = None
+    d_hat: DHat = None
+    p0_hat: P0Hat = None
+    pext_hat: PextHat = None
+    eta_hat: EtaHat = None
+    kappa: Kappa = None
+    nu: Nu = None
+    r0: R0 = None
+    d: D = None
+    e: E = None
+    p0: P0 = None
+    pext: Pext = None
+    rho: Rho = None
+    eta: Eta = None
+
+
+def conditions(given: ConditionOptions) -> Case:
     """The problem that the options describe.
 
     Raises:
         BadValue: Options that are missing, mixed, or outside their meaning.
     """
-    pure = {"d_hat": d_hat, "p0_hat": p0_hat, "pext_hat": pext_hat, "eta_hat": eta_hat}
-    si = {"r0": r0, "d": d, "e": e, "p0": p0, "pext": pext, "rho": rho, "eta": eta}
-    given_pure = {name: value for name, value in pure.items() if value is not None}
-    given_si = {name: value for name, value in si.items() if value is not None}
+    said = lambda names: {name: value for name in names if (value := getattr(given, name)) is not None}  # noqa: E731
+    given_pure, given_si = said(PURE), said(SI)
     if given_pure and given_si:
         raise BadValue(
             "conditions",
@@ -144,17 +150,17 @@ def conditions(
             expected="one kind",
             remedy="Give all pressures and lengths in SI, or all as pure numbers.",
         )
-    base = None if preset is None else jshell.presets.preset(preset)
+    base = None if given.preset is None else jshell.presets.preset(given.preset)
     if base is None and not given_pure and not given_si:
         raise BadValue("conditions", found="none", expected="--preset, pure numbers or SI", remedy="Try --preset R.")
     if given_si:
-        return _from_si(base, given_si, kappa, nu)
-    return _from_pure(base, given_pure, kappa, nu)
+        return _from_si(base, given_si, given.kappa, given.nu)
+    return _from_pure(base, given_pure, given.kappa, given.nu)
 
 
 def _from_pure(
     base: "jshell.presets.Preset | None", given: dict[str, float], kappa: float | None, nu: float | None
-) -> Problem:
+) -> Case:
     if base is None:
         _require(given, ("d_hat", "p0_hat", "pext_hat"))
         start = {"eta_hat": 0.0, "kappa": 1.4, "nu": 0.5}
@@ -172,12 +178,12 @@ def _from_pure(
         full["nu"] if nu is None else nu,
     )
     unit = None if base is None or given else base.unit
-    return Problem(reduced, unit, base is not None or "eta_hat" in given)
+    return Case(reduced, unit, base is not None or "eta_hat" in given)
 
 
 def _from_si(
     base: "jshell.presets.Preset | None", given: dict[str, float], kappa: float | None, nu: float | None
-) -> Problem:
+) -> Case:
     if base is not None:
         if base.unit is None:
             raise BadValue(
@@ -205,7 +211,7 @@ def _from_si(
     gas = jshell.Gas(full["p0"], 1.4 if kappa is None else kappa)
     liquid, load = jshell.Liquid(full["rho"], full["eta"]), jshell.Load(full["pext"])
     reduced = jshell.Reduced.from_si(shell, gas, liquid, load)
-    return Problem(reduced, jshell.shell.scales(shell, liquid), base is not None or "eta" in given)
+    return Case(reduced, jshell.shell.scales(shell, liquid), base is not None or "eta" in given)
 
 
 def _require(given: dict[str, float], needed: tuple[str, ...]) -> None:
@@ -223,19 +229,27 @@ def _flags(names) -> list[str]:
     return ["--" + name.replace("_", "-") for name in names]
 
 
-def with_options(build: Callable[..., Any], name: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """A decorator that gives a verb the options of `build`, and what `build` makes of them as its argument `name`."""
+def with_options(
+    build: Callable[..., Any], name: str, then: Callable[[Any], Any] = lambda built: built
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """A decorator that gives a verb a group of options as one argument.
+
+    Args:
+        build: A function, or a class of fields, whose parameters are the options.
+        name: The verb's argument, which is what `build` makes of them.
+        then: What that argument is made into.
+    """
     options = inspect.signature(build).parameters
 
     def decorate(verb: Callable[..., None]) -> Callable[..., None]:
-        own = [parameter for parameter in inspect.signature(verb).parameters.values() if parameter.name != name]
+        own = [[p] if p.name != name else [*options.values()] for p in inspect.signature(verb).parameters.values()]
 
         @functools.wraps(verb)
         def wrapped(**given) -> None:
             built = build(**{option: given.pop(option) for option in options})
-            verb(**{name: built}, **given)
+            verb(**{name: then(built)}, **given)
 
-        shown = sorted((*own, *options.values()), key=lambda p: p.default is not inspect.Parameter.empty)
+        shown = sorted(itertools.chain(*own), key=lambda p: p.default is not inspect.Parameter.empty)
         shown = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in shown]
         wrapped.__signature__ = inspect.Signature(shown)  # pyright: ignore[reportAttributeAccessIssue]
         wrapped.__annotations__ = {p.name: p.annotation for p in shown}
@@ -244,4 +258,4 @@ def with_options(build: Callable[..., Any], name: str) -> Callable[[Callable[...
     return decorate
 
 
-with_conditions = with_options(conditions, "problem")
+with_conditions = with_options(ConditionOptions, "problem", conditions)

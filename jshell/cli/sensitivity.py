@@ -1,6 +1,7 @@
 """`jshell sensitivity`: what a number of the short model depends on, at a point and over a range."""
 
 import importlib
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -11,26 +12,35 @@ import jshell
 from jshell.cli.constants import Damped, with_damping
 from jshell.cli.destinations import Picture, drawable
 from jshell.cli.output import Json, log, say, speaking, table
-from jshell.cli.problem import Problem, named, with_conditions
+from jshell.cli.problem import Case, named, with_conditions, with_options
 from jshell.errors import BadValue
+
+
+@dataclass(frozen=True)
+class SobolOptions:
+    """A sampling plan over ranges of the inputs."""
+
+    vary: Annotated[
+        list[str] | None,
+        typer.Option("--range", help="INPUT=LOW,HIGH or INPUT=LOW,HIGH,log; with it, Sobol indices."),
+    ] = None
+    rows: Annotated[int, typer.Option(help="Rows of the sampling plan, a power of two.")] = 1024
+    seed: Annotated[int, typer.Option(help="Of the sampling plan.")] = 0
+    missing: Annotated[str, typer.Option(help="Runs that give no number: refuse or drop.")] = "refuse"
 
 
 @speaking
 @with_conditions
 @with_damping
+@with_options(SobolOptions, "plan")
 def sensitivity(
-    problem: Problem,
+    problem: Case,
     damped: Damped,
+    plan: SobolOptions,
     of: Annotated[
         str,
         typer.Option("--of", help="omega_minus, omega_plus, tau, volume, pressure, stability_margin or omega_sphere"),
     ] = "omega_minus",
-    vary: Annotated[
-        list[str] | None,
-        typer.Option("--range", help="INPUT=LOW,HIGH or INPUT=LOW,HIGH,log; with it, Sobol indices."),
-    ] = None,
-    rows: Annotated[int, typer.Option(help="Rows of the sampling plan, a power of two.")] = 1024,
-    seed: Annotated[int, typer.Option(help="Of the sampling plan.")] = 0,
     following: Annotated[
         list[str] | None,
         typer.Option(
@@ -38,7 +48,6 @@ def sensitivity(
         ),
     ] = None,
     sigma: Annotated[float, typer.Option(help="Relative standard error of a frequency, for --next.")] = 0.01,
-    missing: Annotated[str, typer.Option(help="Runs that give no number: refuse or drop.")] = "refuse",
     plot: Picture = None,
     as_json: Json = False,
 ) -> None:
@@ -53,9 +62,9 @@ def sensitivity(
         if not damped.given:
             # what depends on what is asked of eq:taureal; a β1 that follows the shell would hide its own share
             log(f"tau is α1/(2 β1 η̂) with the source's β1 = {float(constants.beta1):.3g}; --beta1 chooses")
-    if vary:
+    if plan.vary:
         found = jshell.sensitivity.sobol(
-            of, _ranges(vary), problem.conditions, constants, rows=rows, seed=seed, missing=missing
+            of, _ranges(plan.vary), problem.conditions, constants, rows=plan.rows, seed=plan.seed, missing=plan.missing
         )
         shown = _sobol_table(found)
     else:
@@ -77,7 +86,7 @@ def sensitivity(
 
 
 def _advise(
-    problem: Problem,
+    problem: Case,
     constants: "jshell.oscillator.Coefficients",
     texts: list[str],
     sigma: float,

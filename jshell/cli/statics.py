@@ -1,7 +1,7 @@
 """`jshell rest`, `branch`, `modes` and `frequencies`: a shell at rest, its vibrations, what the short model says."""
 
 import importlib
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,7 +12,7 @@ import jshell
 from jshell.cli.constants import with_masses
 from jshell.cli.destinations import drawable
 from jshell.cli.output import Json, finish, judged, log, say, speaking, table
-from jshell.cli.problem import Problem, with_conditions
+from jshell.cli.problem import Case, with_conditions, with_options
 from jshell.errors import BadValue, Outcome
 
 REST_DIMENSIONS = {"P": "pressure", "difference": "pressure", "P_ext": "pressure", "elastic": "energy",
@@ -24,6 +24,24 @@ Attached = Annotated[
 ]
 Spot = Annotated[str | None, typer.Option("--weak-spot", help="DEPTH,WIDTH of a thinner wall at the buckling pole.")]
 Energy = Annotated[str, typer.Option("--energy", help="Elastic energy: current, reference or koiter.")]
+
+
+@dataclass(frozen=True)
+class ShapeOptions:
+    """A rest shape as a command line gives it."""
+
+    branch: Annotated[str, typer.Option("--branch", help="buckled or sphere.")] = "buckled"
+    elements: Elements = 32
+    attached: Attached = 0.0
+    spot: Spot = None
+
+    def keywords(self) -> dict[str, Any]:
+        """The same for `jshell.membrane.rest` and what begins there."""
+        return {"branch": self.branch, "elements": self.elements, "attached": self.attached,
+                "weak_spot": weak_spot(self.spot)}  # fmt: skip
+
+
+with_shape = with_options(ShapeOptions, "shape")
 
 
 def weak_spot(text: str | None, default: "jshell.contour.WeakSpot | None" = None) -> "jshell.contour.WeakSpot":
@@ -68,12 +86,10 @@ def whole_numbers(option: str, text: str | None) -> list[int]:
 
 @speaking
 @with_conditions
+@with_shape
 def rest(
-    problem: Problem,
-    branch: Annotated[str, typer.Option("--branch", help="buckled or sphere.")] = "buckled",
-    elements: Elements = 32,
-    attached: Attached = 0.0,
-    spot: Spot = None,
+    problem: Case,
+    shape: ShapeOptions,
     volume: Annotated[
         float | None, typer.Option("--volume", help="Hold V/V0 at this; the outer pressure is found, not given.")
     ] = None,
@@ -86,14 +102,7 @@ def rest(
 ) -> None:
     """Rest shape: volume, area and inner pressure of a shell at a load, or at a volume."""
     found = jshell.membrane.rest(
-        problem.conditions,
-        branch=branch,
-        elements=elements,
-        attached=attached,
-        weak_spot=weak_spot(spot),
-        area=energy,
-        volume_ratio=volume,
-        grading=grading,
+        problem.conditions, **shape.keywords(), area=energy, volume_ratio=volume, grading=grading
     )
     outcome = judged(Outcome(int(found.outcome)), found.volume_ratio, found.area_ratio, found.pressure)
     ok = outcome == Outcome.OK
@@ -110,7 +119,7 @@ def rest(
     # of a wall that touches itself this is the reason
     numbers["clearance"] = found.clearance if np.isfinite(found.clearance) else None
     stable = bool(found.stability > 0) if ok else None
-    near = branch == "buckled" and jshell.membrane.symmetry_in_doubt(found)
+    near = shape.branch == "buckled" and jshell.membrane.symmetry_in_doubt(found)
     symmetric = jshell.dynamics.roundness(found) if ok and (symmetry or near) else None
     if as_json:
         if symmetric is not None:
@@ -122,7 +131,14 @@ def rest(
             }
         units = problem.si(numbers, REST_DIMENSIONS)
         say(
-            {**numbers, **units, "stable": stable, "branch": branch, "outcome": outcome, "conditions": problem.record()}
+            {
+                **numbers,
+                **units,
+                "stable": stable,
+                "branch": shape.branch,
+                "outcome": outcome,
+                "conditions": problem.record(),
+            }
         )
     else:
         words = {
@@ -148,7 +164,7 @@ def rest(
 @speaking
 @with_conditions
 def branch(
-    problem: Problem,
+    problem: Case,
     elements: Elements = 32,
     energy: Energy = "current",
     lowest: Annotated[float, typer.Option("--lowest", help="V/V0 at which the deflated end stops.")] = 0.3,
@@ -223,10 +239,10 @@ def branch(
 
 @speaking
 @with_conditions
+@with_shape
 def modes(
-    problem: Problem,
-    branch: Annotated[str, typer.Option("--branch", help="buckled or sphere.")] = "buckled",
-    attached: Attached = 0.0,
+    problem: Case,
+    shape: ShapeOptions,
     liquid: Annotated[
         str | None,
         typer.Option(
@@ -240,8 +256,6 @@ def modes(
         typer.Option("--stokes-layer/--no-stokes-layer", help="Deprecated: --liquid layer, --liquid ideal."),
     ] = None,
     count: Annotated[int, typer.Option("--count", help="How many modes.")] = 4,
-    elements: Elements = 32,
-    spot: Spot = None,
     azimuth: Annotated[
         str | None,
         typer.Option("--azimuth", help="Orders around the axis, as 0,1,2,3."),
@@ -258,20 +272,11 @@ def modes(
     if liquid != "ideal":
         problem.needs_viscosity()
     orders = [0] if azimuth is None else whole_numbers("--azimuth", azimuth)
-    found = jshell.dynamics.modes(
-        problem.conditions,
-        azimuth=orders,
-        count=count,
-        liquid=liquid,
-        branch=branch,
-        elements=elements,
-        attached=attached,
-        weak_spot=weak_spot(spot),
-    )
+    found = jshell.dynamics.modes(problem.conditions, azimuth=orders, count=count, liquid=liquid, **shape.keywords())
     if liquid is None and found.around is not None:
         log("orders above 0: the liquid is a Stokes layer to second order, right to 0.7 % in tau at eta_hat = 0.004")
     outcome = Outcome(int(found.worst))
-    said = said_of(found.rest, symmetry) if branch == "buckled" else None
+    said = said_of(found.rest, symmetry) if shape.branch == "buckled" else None
     if as_json:
         rows = () if found.axial is None else found.axial.table()
         listed = lambda rows: [asdict(row) | in_si(row, problem) for row in rows]  # noqa: E731
@@ -288,7 +293,7 @@ def modes(
     finish(outcome)
 
 
-def modes_table(found: "jshell.dynamics.AllModes", problem: Problem, *, everything: bool) -> str:
+def modes_table(found: "jshell.dynamics.AllModes", problem: Case, *, everything: bool) -> str:
     """Vibrations as a table: those of m = 0 by their number, or of every order from the slowest on."""
     if everything:
         header = ("m", "mode", "ω = |s|", "Ω", "τ", "grows at", "dV", "dH", "dW", "seen by", "outcome")
@@ -315,7 +320,7 @@ def modes_table(found: "jshell.dynamics.AllModes", problem: Problem, *, everythi
     return f"{text}\n\n{table(told, (*first, 'intrinsic ω/2π', 'damped Ω/2π', 'τ'))}"
 
 
-def in_si(row: Any, problem: Problem) -> dict[str, float | None]:
+def in_si(row: Any, problem: Case) -> dict[str, float | None]:
     """A vibration's frequencies, intrinsic and damped, and decay time where the problem has units; else nothing."""
     if problem.scales is None:
         return {}
@@ -332,7 +337,7 @@ def in_si(row: Any, problem: Problem) -> dict[str, float | None]:
 @with_conditions
 @with_masses
 def frequencies(
-    problem: Problem,
+    problem: Case,
     constants: "jshell.oscillator.Coefficients",
     as_json: Json = False,
 ) -> None:

@@ -14,23 +14,16 @@ from rich.progress import Progress
 import jshell
 from jshell.cli.destinations import drawable, traceable, writable, write_finite
 from jshell.cli.driving import (
-    Bulk,
     Burst,
     BurstStart,
-    Order,
     PressureFile,
-    Retardation,
-    ReynoldsLaw,
-    Stokes,
-    StokesFrequency,
     ToneOption,
-    WallDilatation,
     forcing,
     losses,
     outer_pressure,
 )
 from jshell.cli.output import Json, finish, judged, log, say, speaking, table
-from jshell.cli.problem import Problem, with_conditions
+from jshell.cli.problem import Case, with_conditions, with_options
 from jshell.cli.reading import takes_reading, takes_reading_of_pressure
 from jshell.cli.statics import Attached, Elements, Spot, weak_spot
 from jshell.errors import BadUnits, BadValue, Outcome, choose
@@ -40,102 +33,127 @@ LONGEST_STEP = 1 / 60  # `dynamics.LONGEST_STEP`, which help need not wait for
 LONG = 400  # samples that make a run worth a progress bar
 
 
-@speaking
-@with_conditions
-@takes_reading_of_pressure
-def simulate(
-    problem: Problem,
-    out: Annotated[Path, typer.Option("--out", help="Trace to write: .csv, .tsv, .json, .nc, .mat, .npz.")],
-    ramp: Annotated[float, typer.Option(help="Time the outer pressure takes from P0 to Pext; 0 is a step.")] = 25.0,
-    duration: Annotated[float, typer.Option(help="Length of the run.")] = 70.0,
-    every: Annotated[float, typer.Option(help="Spacing of the samples.")] = 0.05,
-    step: Annotated[float, typer.Option(help="Longest time step.")] = LONGEST_STEP,
-    elements: Elements = 32,
+@dataclasses.dataclass(frozen=True)
+class TimeOptions:
+    """How long a run is, and its steps."""
+
+    ramp: Annotated[float, typer.Option(help="Time the outer pressure takes from P0 to Pext; 0 is a step.")] = 25.0
+    duration: Annotated[float, typer.Option(help="Length of the run.")] = 70.0
+    every: Annotated[float, typer.Option(help="Spacing of the samples.")] = 0.05
+    step: Annotated[float, typer.Option(help="Longest time step.")] = LONGEST_STEP
+
+
+@dataclasses.dataclass(frozen=True)
+class MeshOptions:
+    """What the shell of a run is made of."""
+
+    elements: Elements = 32
     follow: Annotated[
         bool, typer.Option("--follow", help="Let the nodes follow the rim: thin shells then need few elements.")
-    ] = False,
+    ] = False
     tolerance: Annotated[
         float | None,
         typer.Option(help="Pick elements and step so that V is within this of a finer run, over V0."),
-    ] = None,
-    attached: Attached = 0.0,
-    spot: Spot = None,
+    ] = None
+    attached: Attached = 0.0
+    spot: Spot = None
     shell_density: Annotated[
         float, typer.Option("--shell-density", help="Density of the wall over the liquid's; the source has none.")
-    ] = 0.0,
-    pressure_file: PressureFile = None,
-    reading: Any = None,
-    tone: ToneOption = None,
-    burst: Burst = None,
-    burst_start: BurstStart = 0.0,
-    stokes: Stokes = None,
-    stokes_frequency: StokesFrequency = None,
-    bulk: Bulk = False,
-    order: Order = 2,
-    wall_dilatation: WallDilatation = None,
-    retardation: Retardation = None,
-    reynolds: ReynoldsLaw = False,
+    ] = 0.0
+
+
+@dataclasses.dataclass(frozen=True)
+class PressureOptions:
+    """What the outer pressure does instead of ramp and hold, or beside them."""
+
+    pressure_file: PressureFile = None
+    tone: ToneOption = None
+    burst: Burst = None
+    burst_start: BurstStart = 0.0
+
+
+@dataclasses.dataclass(frozen=True)
+class OutputOptions:
+    """What a run leaves behind."""
+
+    out: Annotated[Path, typer.Option("--out", help="Trace to write: .csv, .tsv, .json, .nc, .mat, .npz.")]
     symmetry: Annotated[
         bool,
         typer.Option("--symmetry", help="Say whether the dimple is round, and how fast it leaves that if not."),
-    ] = False,
+    ] = False
     checkpoint: Annotated[
         Path | None, typer.Option("--checkpoint", help="Keep the run in this file; the same command continues it.")
-    ] = None,
-    film: Annotated[Path | None, typer.Option("--film", help="Strip of moments to draw: .png, .pdf, .svg.")] = None,
-    gif: Annotated[Path | None, typer.Option("--gif", help="Film to draw: .gif.")] = None,
-    units: Annotated[str, typer.Option(help="reduced, or si (needs SI conditions).")] = "reduced",
-    quiet: Annotated[bool, typer.Option("--quiet", help="No progress on stderr.")] = False,
-    as_json: Json = False,
+    ] = None
+    film: Annotated[Path | None, typer.Option("--film", help="Strip of moments to draw: .png, .pdf, .svg.")] = None
+    gif: Annotated[Path | None, typer.Option("--gif", help="Film to draw: .gif.")] = None
+    units: Annotated[str, typer.Option(help="reduced, or si (needs SI conditions).")] = "reduced"
+    quiet: Annotated[bool, typer.Option("--quiet", help="No progress on stderr.")] = False
+    as_json: Json = False
+
+
+@speaking
+@with_conditions
+@takes_reading_of_pressure
+@with_options(TimeOptions, "time")
+@with_options(MeshOptions, "mesh")
+@with_options(PressureOptions, "driven")
+@with_options(OutputOptions, "output")
+@with_options(losses, "lost")
+def simulate(
+    problem: Case,
+    time: TimeOptions,
+    mesh: MeshOptions,
+    driven: PressureOptions,
+    output: OutputOptions,
+    lost: Any,
+    reading: Any = None,
 ) -> None:
     """Buckle a shell in time and write the trace.
 
     Times, frequencies and pressures of the options are without units: time unit √(ρ R0³/(E d)), pressure E d/R0.
     """
     problem.needs_viscosity()
+    out, film, gif, quiet, as_json = output.out, output.film, output.gif, output.quiet, output.as_json
     traceable(out)
     drawable(film, "--film")
     writable(gif, "--gif", (".gif",))
-    choose("--units", units, ("reduced", "si"))
-    if units == "si" and problem.scales is None:
+    choose("--units", output.units, ("reduced", "si"))
+    if output.units == "si" and problem.scales is None:
         raise BadUnits(
             "--units si", found="conditions without units", expected="SI conditions", remedy="Give --r0 and its kin."
         )
-    writable(checkpoint, "--checkpoint")
-    pressure, added = outer_pressure(pressure_file, problem, reading), forcing(tone, burst, burst_start)
-    lost = losses(stokes, stokes_frequency, bulk, wall_dilatation, retardation, reynolds, order)
+    writable(output.checkpoint, "--checkpoint")
+    pressure = outer_pressure(driven.pressure_file, problem, reading)
+    added = forcing(driven.tone, driven.burst, driven.burst_start)
     if not quiet:
-        log(f"simulating {duration:g} time units on {elements} elements")
+        log(f"simulating {time.duration:g} time units on {mesh.elements} elements")
     pictured = film is not None or gif is not None
-    if tolerance is not None and pictured:
+    if mesh.tolerance is not None and pictured:
         raise BadValue(
             "--tolerance", found="a picture as well", expected="one of the two", remedy="Draw it at fixed --elements."
         )
-    finer: dict[str, Any] = {} if tolerance is None else {"tolerance": tolerance}
-    with told(shown=not (quiet or as_json) and duration / every >= LONG) as progress:
+    finer: dict[str, Any] = {} if mesh.tolerance is None else {"tolerance": mesh.tolerance}
+    with told(shown=not (quiet or as_json) and time.duration / time.every >= LONG) as progress:
         made = (jshell.dynamics.record if pictured else jshell.dynamics.simulate)(
             problem.conditions,
-            ramp=ramp,
-            duration=duration,
-            every=every,
-            step=step,
-            elements=elements,
-            follow=follow,
-            attached=attached,
-            weak_spot=weak_spot(spot, jshell.contour.WeakSpot()),
-            shell_density=shell_density,
+            **dataclasses.asdict(time),
+            elements=mesh.elements,
+            follow=mesh.follow,
+            attached=mesh.attached,
+            weak_spot=weak_spot(mesh.spot, jshell.contour.WeakSpot()),
+            shell_density=mesh.shell_density,
             pressure=pressure,
             forcing=added,
             losses=lost,
-            symmetry=symmetry,
-            checkpoint=checkpoint,
+            symmetry=output.symmetry,
+            checkpoint=output.checkpoint,
             progress=progress,
             **finer,
         )
     trace = made.trace if isinstance(made, jshell.dynamics.Motion) else made
     outcome = judged(Outcome(int(trace.outcome)), *trace.channels.values())
     trace = dataclasses.replace(trace, scales=problem.scales, outcome=int(outcome))
-    write_finite(out, trace, units="si" if units == "si" else "reduced")
+    write_finite(out, trace, units=output.units)
     if isinstance(made, jshell.dynamics.Motion):
         draw(made, film, gif)
     ok = outcome == Outcome.OK

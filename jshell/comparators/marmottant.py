@@ -24,7 +24,7 @@ from jaxtyping import Array, Float
 from jshell import integrator
 from jshell.errors import BadShape, BadValue, Outcome
 from jshell.renamed import renamed_attribute
-from jshell.shell.breathing import radial_acceleration
+from jshell.shell.breathing import Pressures, radial_acceleration
 from jshell.shell.parameters import check
 
 
@@ -204,9 +204,7 @@ def _rate(bubble: Marmottant, pressure: Any, broken: bool, t: Any, y: Any) -> ja
     acceleration = radial_acceleration(
         R,
         v,
-        gas,
-        wall,
-        outer,
+        Pressures(gas, wall, outer),
         viscosity=bubble.viscosity / (p0 * unit),
         kappa=bubble.kappa,
         wall_viscosity=bubble.film_viscosity / (p0 * unit * R0),
@@ -220,6 +218,6 @@ def _segment(bubble: Marmottant, pressure: Any, broken: bool, y: Any, now: Any, 
     limit = bubble.break_radius / bubble.radius
     breaks = [lambda t, y, args: limit - y[0]] if np.isfinite(limit) and not broken else []
     field = lambda t, y, args: _rate(bubble, pressure, broken, t, y)  # noqa: E731
-    how = integrator.Options(rtol, atol, most_steps=2**18)
+    how = integrator.Scheme(rtol, atol, most_steps=2**18)
     found = integrator.integrate(field, y, ts, how, begin=now, margins=breaks)
     return found.samples, found.last, found.stop, jnp.any(found.hit), found.worked, (found.accepted, found.rejected)

@@ -15,7 +15,7 @@ from jaxtyping import Array, Float, Int
 
 from jshell import integrator
 from jshell.errors import Outcome
-from jshell.shell.breathing import radial_acceleration
+from jshell.shell.breathing import Pressures, radial_acceleration
 from jshell.shell.elasticity import SPHERE_AREA, SPHERE_VOLUME
 from jshell.shell.parameters import Number, Reduced
 from jshell.shell.rest import gas_pressure, sphere_state
@@ -87,9 +87,9 @@ def _run(
         acceleration = radial_acceleration(
             R,
             v,
-            gas_pressure(SPHERE_VOLUME * R**3, c),
-            wall_pressure(R, c),
-            jnp.asarray(c.outer_pressure + forcing(t)),
+            Pressures(
+                gas_pressure(SPHERE_VOLUME * R**3, c), wall_pressure(R, c), jnp.asarray(c.outer_pressure + forcing(t))
+            ),
             viscosity=c.viscosity,
             kappa=c.kappa,
             wall_viscosity=wall_viscosity,
@@ -99,7 +99,7 @@ def _run(
 
     rest = jnp.cbrt(sphere_state(c).volume / SPHERE_VOLUME)
     start = jnp.stack([rest + initial[0], initial[1]])
-    solution = integrator.integrate(rate, start, ts, integrator.Options(rtol, atol))
+    solution = integrator.integrate(rate, start, ts, integrator.Scheme(rtol, atol))
     found = jnp.asarray(solution.samples)
     worked = solution.worked & jnp.all(jnp.isfinite(found))
     found = jnp.where(worked, found, jnp.nan)

@@ -25,7 +25,7 @@ ENOUGH = 6  # a quintic spline has no more pole conditions than those below this
 DEAD = -1  # order of a column that only fills the array
 
 
-class Family(NamedTuple):
+class SplineBasis(NamedTuple):
     """Splines of one parity.
 
     Attributes:
@@ -46,22 +46,22 @@ class Family(NamedTuple):
 class Azimuthal(eqx.Module):
     """The splines of every order m on one meridian: `even` and `odd` for motions, the same for the potential."""
 
-    even: Family
-    odd: Family
-    potential_even: Family
-    potential_odd: Family
+    even: SplineBasis
+    odd: SplineBasis
+    potential_even: SplineBasis
+    potential_odd: SplineBasis
 
     @property
     def size(self) -> int:
         """Functions per component; a motion has three times as many coordinates."""
         return self.even.order.shape[0]
 
-    def motion(self, m: Int[Array, ""] | int) -> tuple[Family, Family, Family]:
+    def motion(self, m: Int[Array, ""] | int) -> tuple[SplineBasis, SplineBasis, SplineBasis]:
         """Splines of a, of b + c and of b - c for order m."""
         across = _either(m + 1, self.even, self.odd)
         return _either(m, self.even, self.odd), across, across
 
-    def potential(self, m: Int[Array, ""] | int) -> Family:
+    def potential(self, m: Int[Array, ""] | int) -> SplineBasis:
         """Splines of the liquid's potential for order m."""
         return _either(m, self.potential_even, self.potential_odd)
 
@@ -84,13 +84,13 @@ def azimuthal(shape: Meridian) -> Azimuthal:
     return Azimuthal(*made, *loose)
 
 
-def _either(order, even: Family, odd: Family) -> Family:
+def _either(order, even: SplineBasis, odd: SplineBasis) -> SplineBasis:
     if isinstance(order, int):
         return odd if order % 2 else even
-    return Family(*(jnp.where(order % 2 == 0, a, b) for a, b in zip(even, odd, strict=True)))
+    return SplineBasis(*(jnp.where(order % 2 == 0, a, b) for a, b in zip(even, odd, strict=True)))
 
 
-def _family(splines: ParitySplines, beside: Beside, shape: Meridian | None) -> Family:
+def _family(splines: ParitySplines, beside: Beside, shape: Meridian | None) -> SplineBasis:
     """Splines whose first and last functions have one leading power each at their pole."""
     even = splines.parity == "even"
     powers = np.array([0, 2, 4] if even else [1, 3])
@@ -116,4 +116,4 @@ def _family(splines: ParitySplines, beside: Beside, shape: Meridian | None) -> F
     if not even:
         order, held = np.pad(order, 1, constant_values=DEAD), np.pad(held, 1)
     off_axis = jnp.ones((nodes.shape[0], 1)) if even else jnp.ones((nodes.shape[0], 1)).at[jnp.array([0, -1])].set(0.0)
-    return Family(filled(values), filled(near), filled(nodes) * off_axis, jnp.asarray(order), jnp.asarray(held))
+    return SplineBasis(filled(values), filled(near), filled(nodes) * off_axis, jnp.asarray(order), jnp.asarray(held))

@@ -13,6 +13,7 @@ Source     `jshell.membrane.azimuthal`, `jshell.flow.azimuthal`; the layer as in
 
 import warnings
 from collections.abc import Sequence
+from typing import Unpack
 
 import equinox as eqx
 import jax
@@ -21,7 +22,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Int
 
-from jshell.contour import NO_WEAK_SPOT, Azimuthal, WeakSpot
+from jshell.contour import Azimuthal
 from jshell.dynamics.order_modes import GROUND, OrderModes
 from jshell.dynamics.order_roots import deflated, order_roots
 from jshell.dynamics.vibrations import LOSSLESS, RESIDUAL
@@ -30,9 +31,8 @@ from jshell.flow.azimuthal import OrderLayers, order_flow, order_layers
 from jshell.flow.azimuthal_layer import order_second, order_slip, order_wall
 from jshell.membrane import RestShape, rest
 from jshell.membrane.azimuthal import only, order_of
-from jshell.membrane.energy import Area
 from jshell.membrane.equilibrium import raise_unless_ok
-from jshell.membrane.rest import Branch
+from jshell.membrane.rest import ELEMENTS, RestOptions
 from jshell.membrane.stability import checked_orders, shared
 from jshell.shell.parameters import Reduced
 from jshell.undetermined import undetermined
@@ -72,12 +72,8 @@ def azimuthal_modes(
     *,
     count: int = 2,
     liquid: str = "second",
-    branch: Branch | str = "buckled",
-    elements: int = 32,
-    attached: float = 0.0,
-    weak_spot: WeakSpot = NO_WEAK_SPOT,
-    area: Area | str = "current",
     throw: bool = False,
+    **shape: Unpack[RestOptions],
 ) -> OrderModes:
     """Vibrations of orders m >= 1 about a rest shape; those of m = 0 are `modes`.
 
@@ -87,7 +83,7 @@ def azimuthal_modes(
         count: Modes of each, slowest first.
         liquid: `second` or `layer`, a Stokes layer to that order, or `ideal`; the exact liquid is known for m = 0 only.
             `second` is right to 0.7 % in τ at η̂ = 0.004, 2.5 % at 0.013, 6 % at 0.03 (sphere, n <= 8).
-        branch, elements, attached, weak_spot, area: As in `jshell.membrane.rest`.
+        shape: Its branch, elements, attached, weak_spot, area, as in `jshell.membrane.rest`.
         throw: Raise `NotOk` unless rest shape and all modes are ok (outside `jit` only).
 
     Raises:
@@ -102,10 +98,8 @@ def azimuthal_modes(
     """
     check_order_liquid(liquid)
     orders = checked_orders(azimuth)
-    check_count(count, elements)
-    state = rest(
-        conditions, branch=branch, elements=elements, attached=attached, weak_spot=weak_spot, area=area, throw=throw
-    )
+    check_count(count, shape.get("elements", ELEMENTS))
+    state = rest(conditions, throw=throw, **shape)
     found = orders_about(state, orders.tolist(), count, liquid)
     if throw:
         raise_unless_ok("azimuthal modes", jnp.max(found.outcome))

@@ -17,7 +17,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jshell.dynamics.run import Progress, Sample
+from jshell.dynamics.run import RunState, Sample
 from jshell.errors import BadFile
 
 
@@ -43,7 +43,7 @@ class Checkpoint:
     path: Path
     made_of: tuple
 
-    def load(self, state: Progress, parts: list[Sample]) -> tuple[Progress, list[Sample], int]:
+    def load(self, state: RunState, parts: list[Sample]) -> tuple[RunState, list[Sample], int]:
         """State, samples and their number as the file has them; as given where there is no file yet.
 
         Raises:
@@ -72,7 +72,7 @@ class Checkpoint:
         state = jax.tree.unflatten(structure, [jnp.asarray(arrays[f"state_{k}"]) for k in range(len(leaves))])
         return state, [Sample(*(jnp.asarray(arrays[f"sample_{name}"]) for name in Sample._fields))], int(arrays["done"])
 
-    def save(self, state: Progress, parts: list[Sample], done: int) -> None:
+    def save(self, state: RunState, parts: list[Sample], done: int) -> None:
         """Replace the file by the run as it is now."""
         arrays = {f"state_{k}": np.asarray(leaf) for k, leaf in enumerate(jax.tree.leaves(state))}
         for name in Sample._fields:

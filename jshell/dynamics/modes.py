@@ -9,7 +9,7 @@ Source     `vibrations`, `azimuthal`
 
 import warnings
 from collections.abc import Sequence
-from typing import overload
+from typing import Unpack, overload
 
 import jax
 import numpy as np
@@ -24,7 +24,7 @@ from jshell.errors import BadValue, RangeWarning
 from jshell.membrane import rest
 from jshell.membrane.energy import Area
 from jshell.membrane.equilibrium import raise_unless_ok
-from jshell.membrane.rest import Branch
+from jshell.membrane.rest import ELEMENTS, Branch, RestOptions
 from jshell.shell.parameters import Reduced
 
 THICKEST = {"layer": 0.1, "second": 0.25}  # √(2η̂/ω) up to which each order is off by 15 and 5 % in τ at most [R0]
@@ -38,12 +38,8 @@ def modes(
     count: int = 4,
     liquid: Liquid | str | None = None,
     stokes_layer: bool | None = None,
-    branch: Branch | str = "buckled",
-    elements: int = 32,
-    attached: float = 0.0,
-    weak_spot: WeakSpot = NO_WEAK_SPOT,
-    area: Area | str = "current",
     throw: bool = False,
+    **shape: Unpack[RestOptions],
 ) -> Modes: ...
 
 
@@ -54,12 +50,8 @@ def modes(
     azimuth: int | Sequence[int],
     count: int = 4,
     liquid: Liquid | str | None = None,
-    branch: Branch | str = "buckled",
-    elements: int = 32,
-    attached: float = 0.0,
-    weak_spot: WeakSpot = NO_WEAK_SPOT,
-    area: Area | str = "current",
     throw: bool = False,
+    **shape: Unpack[RestOptions],
 ) -> AllModes: ...
 
 
@@ -71,7 +63,7 @@ def modes(
     liquid: Liquid | str | None = None,
     stokes_layer: bool | None = None,
     branch: Branch | str = "buckled",
-    elements: int = 32,
+    elements: int = ELEMENTS,
     attached: float = 0.0,
     weak_spot: WeakSpot = NO_WEAK_SPOT,
     area: Area | str = "current",

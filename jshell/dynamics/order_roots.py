@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import jax.scipy.linalg as jsl
 from jaxtyping import Array, Float
 
-from jshell.dynamics.roots import Matrices, switched_on
+from jshell.dynamics.roots import ShellMatrices, switched_on
 from jshell.membrane.azimuthal import Order, orthonormal
 from jshell.membrane.stability import HELD
 
@@ -52,7 +52,7 @@ def order_roots(pencil: OrderPencil, viscosity, count: int):
     squared = 1 / values[best] - SHIFT
     start = jsl.solve_triangular(L.T, vectors[:, best], lower=False).T.astype(complex)
     none, nothing = jnp.zeros(frozen.K.shape[0]), jnp.zeros(0, dtype=int)
-    parts = Matrices(frozen.K, frozen.M, frozen.G, frozen.D, none, nothing, None)
+    parts = ShellMatrices(frozen.K, frozen.M, frozen.G, frozen.D, none, nothing, None)
     root = jnp.sqrt(jnp.maximum(given, 1e-300))
 
     def follow(squared, v):

@@ -50,7 +50,7 @@ LEAP = 0.15  # largest relative error of the extrapolated σ
 GROWTH, LEAST_GROWTH = 2.0, 1.01  # of √η̂ from step to step: the boldest tried, and where following gives up
 
 
-class Matrices(NamedTuple):
+class ShellMatrices(NamedTuple):
     """Stiffness, added mass, slip matrix and second order of a rest shape on its free coordinates; the translation.
 
     `liquid` is what the exact impedance needs, or None.
@@ -78,7 +78,9 @@ def check_liquid(liquid: str) -> None:
     choose("liquid", liquid, LIQUIDS, remedy="exact is right at any η̂.")
 
 
-def matrices(state: RestShape, conditions: Reduced, liquid: Liquid | str, area: Area | str = "current") -> Matrices:
+def matrices(
+    state: RestShape, conditions: Reduced, liquid: Liquid | str, area: Area | str = "current"
+) -> ShellMatrices:
     """What the roots of a rest shape in a liquid need; matrices that the liquid does not know are zero."""
     shape, q = state.meridian, state.coordinates
     current = flow(shape, q)
@@ -88,10 +90,10 @@ def matrices(state: RestShape, conditions: Reduced, liquid: Liquid | str, area: 
     D = second_resistance(shape, current) if liquid in ("second", "exact") else none
     pick = lambda full: full[shape.active][:, shape.active]  # noqa: E731
     exact = viscous_liquid(shape, q, current) if liquid == "exact" else None
-    return Matrices(pick(K), pick(current.mass), pick(G), pick(D), shape.free(shape.shift), shape.active, exact)
+    return ShellMatrices(pick(K), pick(current.mass), pick(G), pick(D), shape.free(shape.shift), shape.active, exact)
 
 
-def roots(parts: Matrices, viscosity: Scalar, count: int) -> Roots:
+def roots(parts: ShellMatrices, viscosity: Scalar, count: int) -> Roots:
     """The roots that the slowest undamped modes become, in their order; differentiable in parts and viscosity."""
     frozen, given = jax.lax.stop_gradient((parts, jnp.asarray(viscosity, dtype=float)))
     squared, vectors = undamped(frozen, count)
@@ -117,7 +119,7 @@ def roots(parts: Matrices, viscosity: Scalar, count: int) -> Roots:
     return Roots(*(jax.vmap(follow)(begun) if parts.liquid is None else jax.lax.map(follow, begun)))
 
 
-def undamped(parts: Matrices, count: int) -> tuple[Float[Array, "modes"], Float[Array, "free modes"]]:
+def undamped(parts: ShellMatrices, count: int) -> tuple[Float[Array, "modes"], Float[Array, "free modes"]]:
     """Lowest roots of K v = ω² M v, translation deflated, by Cholesky of K on the larger eigenvalues ω⁻².
 
     An unstable state has no Cholesky factor: its numbers come out NaN and its modes as not converged.
@@ -134,12 +136,12 @@ def undamped(parts: Matrices, count: int) -> tuple[Float[Array, "modes"], Float[
     return 1 / values[best], jsl.solve_triangular(L.T, vectors[:, best], lower=False)
 
 
-def _series(parts: Matrices, root: Scalar, sigma: Complex[Array, ""]) -> Complex[Array, "free free"]:
+def _series(parts: ShellMatrices, root: Scalar, sigma: Complex[Array, ""]) -> Complex[Array, "free free"]:
     """F by orders of the layer; `root` is √η̂."""
     return parts.K + sigma**4 * parts.M + sigma**3 * root * parts.G + (sigma * root) ** 2 * parts.D
 
 
-def _dynamic_stiffness(parts: Matrices, root: Scalar, sigma: Complex[Array, ""]) -> Complex[Array, "free free"]:
+def _dynamic_stiffness(parts: ShellMatrices, root: Scalar, sigma: Complex[Array, ""]) -> Complex[Array, "free free"]:
     """F(σ) of the liquid that the parts were made for."""
     if parts.liquid is None:
         return _series(parts, root, sigma)
@@ -150,7 +152,7 @@ def _dynamic_stiffness(parts: Matrices, root: Scalar, sigma: Complex[Array, ""])
 
 
 def _linearised(
-    parts: Matrices, root: Scalar, sigma: Complex[Array, ""]
+    parts: ShellMatrices, root: Scalar, sigma: Complex[Array, ""]
 ) -> tuple[Complex[Array, "free free"], Complex[Array, "free free"]]:
     """F and its derivative with respect to σ."""
     at = lambda sigma: _dynamic_stiffness(parts, root, sigma)  # noqa: E731
@@ -169,7 +171,7 @@ def _normed(sigma, v):
     return sigma, v / jnp.linalg.norm(v)
 
 
-def switched_on(parts: Matrices, root: Scalar, sigma, v):
+def switched_on(parts: ShellMatrices, root: Scalar, sigma, v):
     """A root of the series, from no viscosity to all of it in equal steps of √η̂."""
     plain = parts._replace(liquid=None)
 
@@ -202,7 +204,7 @@ class _Path(NamedTuple):
     arrived: Bool[Array, ""]
 
 
-def _thickened(parts: Matrices, target: Float[Array, ""], sigma, v):
+def _thickened(parts: ShellMatrices, target: Float[Array, ""], sigma, v):
     """An exact root: from the second order of a thin layer, by growing viscosities, each mode kept to its kin.
 
     Every pass is one Newton step at the viscosity being tried. Once it has settled near what the last two

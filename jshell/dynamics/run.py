@@ -79,7 +79,7 @@ class Events(NamedTuple):
     stir: Float[Array, ""]
 
 
-class Progress(NamedTuple):
+class RunState(NamedTuple):
     """All that a run needs to go on: where the nodes are, the state, and what happened."""
 
     nodes: Float[Array, "nodes"]
@@ -181,21 +181,21 @@ def body_of(setup: Setup, shape: Meridian) -> Body:
 
 
 @eqx.filter_jit
-def begin(setup: Setup, q, u, pressure: Scalar) -> tuple[Progress, Float[Array, "channels"]]:
+def begin(setup: Setup, q, u, pressure: Scalar) -> tuple[RunState, Float[Array, "channels"]]:
     """The beginning of a run, and its first sample."""
     body = body_of(setup, setup.shape)
     state = initialise(body, q, u, pressure, setup.area)
     # numbers of a set type, as the steps return them: a Python number's would have the steps compiled twice
     never, stirred = jnp.asarray(jnp.inf, dtype=float), jnp.asarray(1.0, dtype=float)
     events = Events(never, never, never, never, stirred)
-    progress = Progress(setup.shape.nodes, state, jnp.asarray(int(Outcome.OK)), events)
+    progress = RunState(setup.shape.nodes, state, jnp.asarray(int(Outcome.OK)), events)
     return progress, _sample(body, state, pressure, setup.area)
 
 
 @eqx.filter_jit
 def go_on(
-    setup: Setup, progress: Progress, ahead: Schedule, first: Int[Array, ""], pace: Pace
-) -> tuple[Progress, Sample]:
+    setup: Setup, progress: RunState, ahead: Schedule, first: Int[Array, ""], pace: Pace
+) -> tuple[RunState, Sample]:
     """Take the samples of a schedule after the sample number `first`; whole stretches where the nodes follow."""
     count = ahead.after.shape[0]
     numbers = first + jnp.arange(count)
@@ -212,7 +212,7 @@ def go_on(
     return progress, jax.tree.map(lambda x: x.reshape((count, *x.shape[2:])), samples)
 
 
-def _follow(setup: Setup, progress: Progress, pressure) -> tuple[Body, Progress]:
+def _follow(setup: Setup, progress: RunState, pressure) -> tuple[Body, RunState]:
     """Move the nodes to where the rim is now, and the state with them."""
     old = regrade(setup.shape, progress.nodes)
     state = progress.state
@@ -234,7 +234,7 @@ def _follow(setup: Setup, progress: Progress, pressure) -> tuple[Body, Progress]
     return body, progress._replace(nodes=breaks, state=state)
 
 
-def _stretch(setup: Setup, body: Body, progress: Progress, ahead: Schedule, numbers, pace: Pace):
+def _stretch(setup: Setup, body: Body, progress: RunState, ahead: Schedule, numbers, pace: Pace):
     h = pace.every / pace.inner
     harmless = progress.state
 
@@ -264,7 +264,7 @@ def _stretch(setup: Setup, body: Body, progress: Progress, ahead: Schedule, numb
         events = _watch(body, state, channels, progress.events, good, t, now.held, pace.every)
         events = jax.tree.map(lambda a, b: jnp.where(now.asked, a, b), events, progress.events)
         kept = (state.q, velocity(state, RADIUS), body.shape.nodes) if pace.shapes else (jnp.zeros(0),) * 3
-        return Progress(progress.nodes, state, outcome, events), Sample(channels, good, *kept)
+        return RunState(progress.nodes, state, outcome, events), Sample(channels, good, *kept)
 
     return jax.lax.scan(steps, progress, (numbers, ahead))
 

@@ -7,7 +7,7 @@ Source     Mokbel et al. 2021, numerical method; the liquid is a potential flow 
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +26,7 @@ from jshell.dynamics.refinement import Level, refine
 from jshell.dynamics.run import (
     CHANNELS,
     Pace,
-    Progress,
+    RunState,
     Sample,
     Schedule,
     Setup,
@@ -69,6 +69,33 @@ class Motion(eqx.Module):
     velocity: Float[Array, "samples coordinates"]
     nodes: Float[Array, "samples nodes"]
     setup: Setup
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """What `simulate` and `record` are options for; each is told at `simulate`."""
+
+    duration: Any = 70.0
+    every: Any = 0.05
+    ramp: Any = 25.0
+    pressure: Any = None
+    forcing: Any = None
+    start: RestShape | None = None
+    displacement: Any = None
+    velocity: Any = None
+    elements: int = 32
+    attached: Any = 0.0
+    weak_spot: WeakSpot | None = None
+    losses: Losses | None = None
+    shell_density: Any = 0.0
+    stokes_frequency: Any = None
+    step: Any = LONGEST_STEP
+    follow: bool = False
+    area: Area | str = "current"
+    symmetry: bool = False
+    checkpoint: Path | str | None = None
+    progress: Callable[[float], None] | None = None
+    throw: bool = False
 
 
 def simulate(
@@ -139,10 +166,11 @@ def simulate(
     Raises:
         BadValue, BadShape: Options that do not fit together or are outside their meaning.
     """
-    options: dict[str, Any] = dict(locals())
-    del options["conditions"], options["tolerance"]
+    given: dict[str, Any] = dict(locals())
+    del given["conditions"], given["tolerance"]
+    options = RunOptions(**given)
     if tolerance is None:
-        return _run(conditions, shapes=False, **options)[0]
+        return _run(conditions, options, shapes=False)[0]
     if start is not None or checkpoint is not None:
         raise BadValue(
             "tolerance",
@@ -152,8 +180,8 @@ def simulate(
         )
 
     def at(level: Level) -> Trace:
-        options.update(elements=level.elements, step=level.step, throw=False)
-        return _run(conditions, shapes=False, **options)[0]
+        chosen = replace(options, elements=level.elements, step=level.step, throw=False)
+        return _run(conditions, chosen, shapes=False)[0]
 
     found = refine(at, volume_apart, tolerance)
     trace: Trace = found.result  # type: ignore[assignment]
@@ -181,74 +209,51 @@ def record(conditions: Reduced, **options) -> Motion:
         >>> motion.coordinates.shape == (11, motion.setup.shape.sphere.size)
         True
     """
-    trace, sample, setup = _run(conditions, shapes=True, **options)
+    trace, sample, setup = _run(conditions, RunOptions(**options), shapes=True)
     kept = len(trace.times)
     return Motion(trace, sample.q[:kept], sample.velocity[:kept], sample.nodes[:kept], setup)
 
 
-def _run(
-    conditions: Reduced,
-    *,
-    shapes: bool,
-    duration=70.0,
-    every=0.05,
-    ramp=25.0,
-    pressure=None,
-    forcing=None,
-    start=None,
-    displacement=None,
-    velocity=None,
-    elements=32,
-    attached=0.0,
-    weak_spot=None,
-    losses=None,
-    shell_density=0.0,
-    stokes_frequency=None,
-    step=LONGEST_STEP,
-    follow=False,
-    area="current",
-    symmetry=False,
-    checkpoint=None,
-    progress=None,
-    throw=False,
-) -> tuple[Trace, Sample, Setup]:
+def _run(conditions: Reduced, options: RunOptions, *, shapes: bool) -> tuple[Trace, Sample, Setup]:
+    area, start = options.area, options.start
     check_area(area)
-    _check_times(duration, every, step, ramp)
-    check("shell_density", shell_density, "a finite number of at least 0", lambda x: x >= 0)
+    _check_times(options.duration, options.every, options.step, options.ramp)
+    check("shell_density", options.shell_density, "a finite number of at least 0", lambda x: x >= 0)
     conditions = conditions.as_arrays()
     if start is None:
-        if displacement is not None or velocity is not None:
+        if options.displacement is not None or options.velocity is not None:
             raise BadValue(
                 "displacement, velocity",
                 found="no start",
                 expected="a `start` to displace",
                 remedy="Pass start=rest(...).",
             )
-        spot = WeakSpot() if weak_spot is None else weak_spot
-        shape = cached_meridian(elements, attached)
+        spot = WeakSpot() if options.weak_spot is None else options.weak_spot
+        shape = cached_meridian(options.elements, options.attached)
         profile, q = wall_profile(shape, spot), shape.sphere
         steady = Ramp(
-            start=conditions.gas_pressure, stop=conditions.outer_pressure, duration=jnp.asarray(ramp, dtype=float)
+            start=conditions.gas_pressure,
+            stop=conditions.outer_pressure,
+            duration=jnp.asarray(options.ramp, dtype=float),
         )
     else:
         spot, shape, profile, q = None, start.meridian, start.profile, start.coordinates
         steady = Hold(conditions.outer_pressure)
-    protocol = _protocol(steady, pressure, forcing)
-    if losses is None:
-        losses = Losses() if stokes_frequency is None else Losses("frequency", frequency=stokes_frequency)
-    elif stokes_frequency is not None:
-        raise BadValue(
-            "stokes_frequency", found="losses as well", expected="one of the two", remedy="Give it inside `losses`."
-        )
-    setup = Setup(shape, profile, spot, conditions, losses, jnp.asarray(shell_density, dtype=float), area)
+    protocol = _protocol(steady, options.pressure, options.forcing)
+    density = jnp.asarray(options.shell_density, dtype=float)
+    setup = Setup(shape, profile, spot, conditions, _losses(options), density, area)
     zero = jnp.zeros_like(q)
-    move, kick = (zero if given is None else _coordinates(given, q) for given in (displacement, velocity))
-    if displacement is not None:
+    move, kick = (
+        zero if given is None else _coordinates(given, q) for given in (options.displacement, options.velocity)
+    )
+    if options.displacement is not None:
         q = relax(body_of(setup, shape), q + move, protocol(jnp.asarray(0.0)), area)
 
-    count = count_of_samples("duration, every", duration, every)
-    inner = limited("step", math.ceil(every / step - 1e-9), MOST_STEPS // count, "steps between samples")
-    pace = Pace(float(every), inner, bool(follow), shapes)
+    count = count_of_samples("duration, every", options.duration, options.every)
+    inner = limited(
+        "step", math.ceil(options.every / options.step - 1e-9), MOST_STEPS // count, "steps between samples"
+    )
+    pace = Pace(float(options.every), inner, bool(options.follow), shapes)
     # the last piece is run to its end and then cut: runs of any length share one program
     size = pace.stretch * max(1, CHUNK // pace.stretch)
     piece = size if size * inner <= FILLED else pace.stretch
@@ -259,25 +264,36 @@ def _run(
     pace = pace._replace(shapes=shapes or not traced)
     began, first = begin(setup, q, kick, protocol(jnp.asarray(0.0)))
     opening = Sample(first, jnp.asarray(True), *((q, kick, shape.nodes) if pace.shapes else (jnp.zeros(0),) * 3))
-    if traced and checkpoint is None and progress is None:
+    if traced and options.checkpoint is None and options.progress is None:
         # one program of its own anyway; where the nodes follow the rim, whole stretches
         whole = ahead.part(0, pace.stretch * math.ceil(count / pace.stretch))
         state, samples = go_on(setup, began, whole, jnp.asarray(0), pace)
     else:
-        state, samples = _in_chunks(setup, began, ahead, pace, size, checkpoint, progress)
+        state, samples = _in_chunks(setup, began, ahead, pace, size, options.checkpoint, options.progress)
     samples = jax.tree.map(lambda a, b: jnp.concatenate([a[None], b[:count]]), opening, samples)
-    trace = _trace(setup, state, samples, every, count, every / pace.inner, steady, follow, throw)
+    trace = _trace(setup, state, samples, steady, pace, count, options.throw)
     if setup.losses.second and not isinstance(trace["V"], Tracer):
         error = series_error(trace)
         if error > TOLERATED:
             beside = warn_of_thick_layer(error, conditions, start, shape.elements, shape.attached, spot, area)
             trace = replace(trace, settings=(*trace.settings, *beside))
-    if symmetry:
+    if options.symmetry:
         said = computed_symmetry(trace, conditions, start, shape.elements, shape.attached, spot, str(area))
     else:
         said = warn_of_asymmetry(trace, conditions)
     trace = replace(trace, settings=(*trace.settings, *said))
     return trace, samples, setup
+
+
+def _losses(options: RunOptions) -> Losses:
+    """What takes energy, from the two options that say it."""
+    if options.losses is None:
+        return Losses() if options.stokes_frequency is None else Losses("frequency", frequency=options.stokes_frequency)
+    if options.stokes_frequency is not None:
+        raise BadValue(
+            "stokes_frequency", found="losses as well", expected="one of the two", remedy="Give it inside `losses`."
+        )
+    return options.losses
 
 
 def _protocol(steady: Pressure, pressure, forcing) -> Pressure:
@@ -289,7 +305,7 @@ def _protocol(steady: Pressure, pressure, forcing) -> Pressure:
     return steady if forcing is None else Sum((steady, forcing))
 
 
-def _in_chunks(setup, began, ahead: Schedule, pace, size: int, checkpoint, report) -> tuple[Progress, Sample]:
+def _in_chunks(setup, began, ahead: Schedule, pace, size: int, checkpoint, report) -> tuple[RunState, Sample]:
     """The run in pieces of one length, kept in a file and reported now and then; the same numbers as in one piece."""
     file = None if checkpoint is None else Checkpoint(Path(checkpoint), (setup, ahead, pace))
     state, parts, done, count = began, [], 0, ahead.after.shape[0]
@@ -337,10 +353,11 @@ def _check_times(duration, every, step, ramp):
         )
 
 
-def _trace(setup: Setup, last: Progress, samples: Sample, every, count, step, steady, follow, throw) -> Trace:
-    numbers, times, shape = samples.channels, every * jnp.arange(count + 1), setup.shape
+def _trace(setup: Setup, last: RunState, samples: Sample, steady, pace: Pace, count: int, throw: bool) -> Trace:
+    numbers, times, shape = samples.channels, pace.every * jnp.arange(count + 1), setup.shape
+    step = pace.every / pace.inner
     settings = [("elements", str(shape.elements)), ("attached", repr(shape.attached)), ("step", repr(step))]
-    settings += [("follow", str(bool(follow))), ("stokes", setup.losses.stokes)]
+    settings += [("follow", str(pace.follow)), ("stokes", setup.losses.stokes)]
     if setup.losses.stokes != "none":
         settings.append(("order", str(setup.losses.order)))
     if not isinstance(numbers, Tracer):

@@ -22,7 +22,7 @@ from jaxtyping import Array, Complex, Float, Int
 
 from jshell.contour import area, volume
 from jshell.display import FREQUENCY, TIME, ended, number, readable, shown
-from jshell.dynamics.roots import Liquid, Matrices, Roots, matrices, roots
+from jshell.dynamics.roots import Liquid, Roots, ShellMatrices, matrices, roots
 from jshell.errors import Outcome
 from jshell.membrane import RestShape
 from jshell.membrane.energy import Area
@@ -119,7 +119,7 @@ def vibrations(state: RestShape, conditions: Reduced, count: int, liquid: Liquid
     return _measure(state, parts, found._replace(residual=jnp.where(doubled, jnp.inf, found.residual)))
 
 
-def _measure(state: RestShape, parts: Matrices, found: Roots) -> Modes:
+def _measure(state: RestShape, parts: ShellMatrices, found: Roots) -> Modes:
     shape, q, s, v = state.meridian, state.coordinates, found.s, found.vectors
     slope_V = shape.free(jax.grad(lambda q: volume(shape, q))(q))
     slope_S = shape.free(jax.grad(lambda q: area(shape, q))(q))

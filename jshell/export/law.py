@@ -40,7 +40,7 @@ Values = Float[np.ndarray, "rows"]
 
 
 @dataclass(frozen=True)
-class Branch:
+class LawBranch:
     """One branch of rest states, by volume.
 
     Attributes:
@@ -79,8 +79,8 @@ class RadialLaw:
         along: `mode` or `rest`.
     """
 
-    buckled: Branch
-    sphere: Branch
+    buckled: LawBranch
+    sphere: LawBranch
     rest_volume: float
     rest_pressure: float
     buckling_volume: float
@@ -162,8 +162,8 @@ def radial_law(
     units = np.array([length**3, pressure, pressure, pressure * time**2 / length**3, pressure * time / length**3])
     sphere = _sphere(np.linspace(0.9 * V_b, LARGEST * SPHERE_VOLUME, rows), conditions)
     return RadialLaw(
-        Branch(*(table * units[:, None])),
-        Branch(*(sphere * units[:, None])),
+        LawBranch(*(table * units[:, None])),
+        LawBranch(*(sphere * units[:, None])),
         V_e * length**3,
         float(conditions.outer_pressure) * pressure,
         V_b * length**3,

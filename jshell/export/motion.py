@@ -13,14 +13,14 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
 from jshell.errors import BadShape, NotOk, Outcome
-from jshell.export.law import Branch, RadialLaw
+from jshell.export.law import LawBranch, RadialLaw
 
 MOST_SWITCHES = 1000
 
 Values = Float[np.ndarray, "times"]
 
 
-class Run(NamedTuple):
+class RadialMotion(NamedTuple):
     """A motion of the volume: its rate [m³/s], whether buckled, and when it changed state [s]."""
 
     times: Values
@@ -33,7 +33,7 @@ class Run(NamedTuple):
 class _Equation:
     """One branch as a right-hand side."""
 
-    def __init__(self, branch: Branch, outer: Callable[[float], float]) -> None:
+    def __init__(self, branch: LawBranch, outer: Callable[[float], float]) -> None:
         self.pressure, self.damping = (CubicSpline(branch.volume, part) for part in (branch.pressure, branch.damping))
         self.mass = CubicSpline(branch.volume, branch.mass)
         self.slope, self.outer = self.mass.derivative(), outer
@@ -53,7 +53,7 @@ def run(
     rate: float = 0.0,
     buckled: bool = True,
     rtol: float = 1e-9,
-) -> Run:
+) -> RadialMotion:
     """The motion of a law under an outer pressure.
 
     Args:
@@ -87,7 +87,7 @@ def run(
         if len(here):  # a state may begin and end between two times
             found[:2, here], found[2, here] = part.y, float(buckled)
         if part.status == 0:
-            return Run(times, found[0], found[1], found[2], tuple(switches))
+            return RadialMotion(times, found[0], found[1], found[2], tuple(switches))
         if part.status < 0 or not len(part.t_events[0]) or len(switches) == MOST_SWITCHES:
             raise NotOk("outer, times", Outcome.OUT_OF_RANGE if part.status > 0 else Outcome.NOT_CONVERGED)
         now, y, buckled = float(part.t_events[0][0]), part.y_events[0][0], not buckled

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from jshell.errors import BadFile
-from jshell.export.law import Branch, RadialLaw
+from jshell.export.law import LawBranch, RadialLaw
 from jshell.io.files import read_text, write_bytes
 
 COLUMNS = ("V [m^3]", "R [m]", "P [Pa]", "P_gas [Pa]", "M [kg/m^4]", "C [Pa s/m^3]", "buckled")
@@ -75,7 +75,7 @@ def read_law(path: str | Path) -> RadialLaw:
         if tuple(names) != COLUMNS or not np.all(np.isfinite(values)):
             raise ValueError("other columns, or numbers that are none")
         volume, _, *parts, flag = values
-        branches = [Branch(volume[flag == k], *(part[flag == k] for part in parts)) for k in (1, 0)]
+        branches = [LawBranch(volume[flag == k], *(part[flag == k] for part in parts)) for k in (1, 0)]
         if any(len(one.volume) < 2 or not np.all(np.diff(one.volume) > 0) for one in branches):
             raise ValueError("volumes that do not ascend")
     except (ValueError, KeyError) as error:

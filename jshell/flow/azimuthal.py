@@ -21,7 +21,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from jshell.contour import Azimuthal, Curve, Meridian
-from jshell.flow.panels import Pairs, pairs
+from jshell.flow.panels import RelativePositions, pairs
 from jshell.flow.toroidal import downhill, toroidal
 
 
@@ -97,7 +97,7 @@ def flux_of_order(curve: Curve, bases: list[Float[Array, "..."]]) -> Float[Array
     return jnp.concatenate([along * a, across * p, across * g], axis=-1)
 
 
-def _kernels(where: Pairs, radius: Float[Array, "nodes 1"], most: int) -> tuple[Array, Array]:
+def _kernels(where: RelativePositions, radius: Float[Array, "nodes 1"], most: int) -> tuple[Array, Array]:
     """Source and dipole of every order; the rows of the poles, rings of no radius, are those of m = 0 alone."""
     pole = jnp.zeros_like(radius, dtype=bool).at[jnp.array([0, -1])].set(True)
     between = jnp.where(pole, 1.0, radius) * where.radius

@@ -41,7 +41,7 @@ class Layers(NamedTuple):
     near_curve: Curve
 
 
-class Pairs(NamedTuple):
+class RelativePositions(NamedTuple):
     """Where sources lie as seen from the nodes, (nodes, sources).
 
     Attributes:
@@ -57,7 +57,7 @@ class Pairs(NamedTuple):
     x_slope: Float[Array, "nodes sources"]
 
 
-def pairs(shape: Meridian, q: Float[Array, "coordinates"]) -> tuple[Pairs, Pairs, Curve, Curve]:
+def pairs(shape: Meridian, q: Float[Array, "coordinates"]) -> tuple[RelativePositions, RelativePositions, Curve, Curve]:
     """Nodes against all Gauss points, and against the graded points beside them; the curve at both."""
     curve = shape.at_points(q)
     x0, r0 = shape.at_nodes(q)
@@ -68,7 +68,7 @@ def pairs(shape: Meridian, q: Float[Array, "coordinates"]) -> tuple[Pairs, Pairs
     shortest = dx**2 + dr**2
     longest = dx**2 + (curve.r[None] + r0) ** 2
     bend = (curve.x1[None] * dr - curve.r1[None] * dx) / shortest
-    far = Pairs(shortest, longest, bend, _as(curve.r, dx), _as(curve.x1, dx))
+    far = RelativePositions(shortest, longest, bend, _as(curve.r, dx), _as(curve.x1, dx))
 
     # the two elements that touch it: Δ = s Q(s), Q and Q' from Taylor coefficients
     near, (qx, qr) = shape.near, shape.split(q)
@@ -85,7 +85,7 @@ def pairs(shape: Meridian, q: Float[Array, "coordinates"]) -> tuple[Pairs, Pairs
     shortest = near.gaps**2 * squared
     longest = (near.gaps * Qx) ** 2 + (local.r + r0) ** 2
     bend = ((near.x_quotient_slope @ qx) * Qr - (near.r_quotient_slope @ qr) * Qx) / squared
-    return far, Pairs(shortest, longest, bend, local.r, local.x1), curve, local
+    return far, RelativePositions(shortest, longest, bend, local.r, local.x1), curve, local
 
 
 def layers(shape: Meridian, q: Float[Array, "coordinates"]) -> Layers:

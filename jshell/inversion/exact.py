@@ -18,18 +18,18 @@ from jshell.errors import Outcome
 from jshell.inversion.model import Model, Offset, Weighing
 from jshell.inversion.projection import Modal
 from jshell.inversion.response import BLUNT
-from jshell.inversion.search import Ending, information
+from jshell.inversion.search import SearchResult, information
 
 CORRECTIONS = 3
 DOUBT = 0.15  # of the step to the limit: beside 32 elements and 6 more at the edge, frequencies are right to a tenth
 SETTLED = 0.02  # standard errors that the last correction may move the answer
 
-Again = Callable[[Model, Ending, list[Weighing]], Ending]
+Again = Callable[[Model, SearchResult, list[Weighing]], SearchResult]
 
 
 def corrected(
-    model: Model, best: Ending, weighings: list[Weighing], again: Again
-) -> tuple[Ending, list[Weighing], str]:
+    model: Model, best: SearchResult, weighings: list[Weighing], again: Again
+) -> tuple[SearchResult, list[Weighing], str]:
     """The minimum with the better simulator, its weighings, and what the correction moved in words.
 
     Args:
@@ -57,7 +57,7 @@ def corrected(
     )  # fmt: skip
 
 
-def _offset(model: Model, best: Ending, k: int, modes: tuple[int, ...]) -> Offset | None:
+def _offset(model: Model, best: SearchResult, k: int, modes: tuple[int, ...]) -> Offset | None:
     """What the better simulator says over what the search's does at its minimum."""
     chosen, plain = list(modes), model.plain(k, best.u)
     rough, _, _ = model.modal(k, best.u, best.near[k])
@@ -92,17 +92,17 @@ def _alike(shapes: np.ndarray, like: np.ndarray) -> np.ndarray:
     return share[:, None] * shapes
 
 
-def doubted(model: Model, best: Ending, weighings: list[Weighing]) -> np.ndarray:
+def doubted(model: Model, best: SearchResult, weighings: list[Weighing]) -> np.ndarray:
     """(unknowns,) how far the answer would move with what may be wrong of the better simulator."""
     pull = np.zeros(best.u.size)
-    for k, (weighing, one) in enumerate(zip(weighings, best.lefts, strict=True)):
+    for k, (weighing, one) in enumerate(zip(weighings, best.projections, strict=True)):
         offset = weighing.offset
         if offset is None or offset.doubt is None:
             continue
         rough, _, _ = model.modal(k, best.u, best.near[k])
         s, phi, rest = offset.doubt
         moved = Offset(offset.rates + s / rough.rates, offset.shapes + phi / rough.shapes, offset.rest + rest)
-        other, outcome = model.left(k, best.u, best.near[k], replace(weighing, offset=moved))
+        other, outcome = model.project(k, best.u, best.near[k], replace(weighing, offset=moved))
         if outcome == Outcome.OK:
             pull += one.jacobian.T @ (other.residual - one.residual)
     return np.linalg.pinv(information(best)) @ pull

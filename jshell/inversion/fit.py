@@ -15,15 +15,14 @@ from typing import Any
 import numpy as np
 
 from jshell.calibration import Prior
-from jshell.calibration.noise import Noise
 from jshell.errors import NotOk, Outcome, choose
 from jshell.inversion.exact import corrected
 from jshell.inversion.model import ELEMENTS, Model, Weighing
 from jshell.inversion.noise import described, examined, first_weighing, misfits, reweighed
 from jshell.inversion.recording import Recording, recording
 from jshell.inversion.response import MODES
-from jshell.inversion.result import Inversion, drawn_up
-from jshell.inversion.search import Ending, information, minimise
+from jshell.inversion.result import Inversion, Settled, drawn_up
+from jshell.inversion.search import SearchResult, information, minimise
 from jshell.inversion.snap import Snap
 from jshell.inversion.starts import starts
 from jshell.inversion.through import Question, through
@@ -37,7 +36,6 @@ HEARD = 20.0  # of χ², that a further mode must take: two amplitudes fitted to
 ROUNDS = 5  # of noise and minimum
 NEAR = 9.0  # of χ²: two minima nearer than this cannot be told apart
 APART = 5.0  # standard errors between them that make them two
-Settled = tuple[Ending, list[Weighing], list[list[Noise]]]
 
 
 def invert(
@@ -119,11 +117,11 @@ def invert(
         promising += 1
     endings = _brought_to_rest(model, _from_starts(model, begun[:promising], weighings), weighings)
     if endings[0].outcome not in (Outcome.OK, Outcome.AT_BOUND):
-        return _finished(drawn_up(model, endings[0], endings, weighings, (), (), ()), throw)
+        return _finished(drawn_up(model, Settled(endings[0], weighings, []), endings, (), ()), throw)
     first = weighings
     best, weighings, noises = _settled(model, endings[0], first)
     untried = begun[len(endings) :]
-    if len(untried) and misfits(model, best.lefts, noises):
+    if len(untried) and misfits(model, best.projections, noises):
         others, better = _others(model, untried, first)
         if better:
             best, weighings, noises = better
@@ -132,11 +130,11 @@ def invert(
     notes = []
     if exact:
         best, weighings, note = corrected(model, best, weighings, _again)
-        noises = examined(model, best.lefts, weighings)
+        noises = examined(model, best.projections, weighings)
         notes.append(note)
     rivals = _rivals(model, best, endings, weighings)
-    warnings = misfits(model, best.lefts, noises)
-    return _finished(drawn_up(model, best, endings, weighings, noises, notes, warnings, rivals), throw)
+    warnings = misfits(model, best.projections, noises)
+    return _finished(drawn_up(model, Settled(best, weighings, noises), endings, notes, warnings, rivals), throw)
 
 
 def _ring_downs(asked: Question) -> Inversion:
@@ -184,31 +182,31 @@ def _shown(one: Recording) -> int:
     return {"one": 1, "two": 2}.get(one.verdict, 3)
 
 
-def _from_starts(model: Model, begun: np.ndarray, weighings: Sequence[Weighing]) -> list[Ending]:
+def _from_starts(model: Model, begun: np.ndarray, weighings: Sequence[Weighing]) -> list[SearchResult]:
     """Where the starts end, the best first; a start whose end describes the recordings is the last that is tried."""
-    endings: list[Ending] = []
+    endings: list[SearchResult] = []
     for k, u in enumerate(begun):
         ending = minimise(model, u, weighings, max_steps=FIRST_STEPS if len(begun) > 1 else 40, legs=3)
         endings.append(ending)
-        if k > 0 and np.isfinite(ending.cost) and described(model, min(endings, key=_rank).lefts):
+        if k > 0 and np.isfinite(ending.cost) and described(model, min(endings, key=_rank).projections):
             break
     return sorted(endings, key=_rank)
 
 
-def _others(model: Model, begun: np.ndarray, weighings: list[Weighing]) -> tuple[list[Ending], Settled | None]:
+def _others(model: Model, begun: np.ndarray, weighings: list[Weighing]) -> tuple[list[SearchResult], Settled | None]:
     """Where less promising starts end, after the best minimum left a misfit; and the first that leaves none."""
-    endings: list[Ending] = []
+    endings: list[SearchResult] = []
     for u in begun:
         ending = _brought_to_rest(model, [minimise(model, u, weighings, max_steps=40, legs=3)], weighings)[0]
         endings.append(ending)
         if ending.outcome in (Outcome.OK, Outcome.AT_BOUND):
             settled = _settled(model, ending, weighings)
-            if not misfits(model, settled[0].lefts, settled[2]):
+            if not misfits(model, settled.best.projections, settled.noises):
                 return endings, settled
     return endings, None
 
 
-def _brought_to_rest(model: Model, endings: list[Ending], weighings: Sequence[Weighing]) -> list[Ending]:
+def _brought_to_rest(model: Model, endings: list[SearchResult], weighings: Sequence[Weighing]) -> list[SearchResult]:
     """The best of the ends, sought on where the steps of a start did not reach a valley's floor."""
     best = endings[0]
     if best.outcome not in (Outcome.NOT_CONVERGED, Outcome.STALLED) or not np.isfinite(best.cost):
@@ -219,30 +217,32 @@ def _brought_to_rest(model: Model, endings: list[Ending], weighings: Sequence[We
     return [replace(on, begun=best.begun, steps=best.steps + on.steps), *endings[1:]]
 
 
-def _rank(ending: Ending) -> float:
+def _rank(ending: SearchResult) -> float:
     return ending.cost if np.isfinite(ending.cost) else np.inf
 
 
-def _settled(model: Model, best: Ending, weighings: list[Weighing]) -> Settled:
+def _settled(model: Model, best: SearchResult, weighings: list[Weighing]) -> Settled:
     """The minimum with the noise that it leaves, and as many modes as that noise lets be heard."""
-    noises = examined(model, best.lefts, weighings)
+    noises = examined(model, best.projections, weighings)
     for _ in range(ROUNDS):
-        weighings, steady = reweighed(model, best.lefts, weighings, noises)
+        weighings, steady = reweighed(model, best.projections, weighings, noises)
         best = _again(model, best, weighings)
         best, weighings, grown = _more_modes(model, best, weighings)
-        noises = examined(model, best.lefts, weighings)
+        noises = examined(model, best.projections, weighings)
         if steady and not grown:
             break
-    return best, weighings, noises
+    return Settled(best, weighings, noises)
 
 
-def _again(model: Model, best: Ending, weighings: Sequence[Weighing]) -> Ending:
+def _again(model: Model, best: SearchResult, weighings: Sequence[Weighing]) -> SearchResult:
     """The minimum anew, from where it was; or the old one, where the new way led nowhere."""
     found = minimise(model, best.u, weighings, max_steps=20, legs=2)
     return replace(found, begun=best.begun) if found.outcome in (Outcome.OK, Outcome.AT_BOUND) else best
 
 
-def _more_modes(model: Model, best: Ending, weighings: list[Weighing]) -> tuple[Ending, list[Weighing], bool]:
+def _more_modes(
+    model: Model, best: SearchResult, weighings: list[Weighing]
+) -> tuple[SearchResult, list[Weighing], bool]:
     """Another mode of the simulator for each recording that shows it above its noise."""
     grown = False
     for k, one in enumerate(model.recordings):
@@ -250,8 +250,8 @@ def _more_modes(model: Model, best: Ending, weighings: list[Weighing]) -> tuple[
         if count == MODES:
             continue
         richer = replace(weighings[k], modes=tuple(range(count + 1)))
-        with_it, outcome = model.left(k, best.u, best.near[k], richer)
-        plain, now = model.left(k, best.u, best.near[k], weighings[k])
+        with_it, outcome = model.project(k, best.u, best.near[k], richer)
+        plain, now = model.project(k, best.u, best.near[k], weighings[k])
         if outcome != Outcome.OK or now != Outcome.OK:
             continue
         nyquist = np.pi / float(np.median(np.diff(one.times)))
@@ -262,7 +262,9 @@ def _more_modes(model: Model, best: Ending, weighings: list[Weighing]) -> tuple[
     return (_again(model, best, weighings) if grown else best), weighings, grown
 
 
-def _rivals(model: Model, best: Ending, endings: Sequence[Ending], weighings: Sequence[Weighing]) -> list[Ending]:
+def _rivals(
+    model: Model, best: SearchResult, endings: Sequence[SearchResult], weighings: Sequence[Weighing]
+) -> list[SearchResult]:
     """Other minima that describe the recordings as well."""
     found = []
     weight = information(best)

@@ -9,14 +9,14 @@ import jax.numpy as jnp
 import numpy as np
 
 from jshell.errors import Outcome
-from jshell.inversion.projection import Left, Modal, left
+from jshell.inversion.projection import Modal, Projection, project
 from jshell.inversion.recording import POWER, Recording
 from jshell.inversion.response import (
     CHANNELS,
     DIRECTIONS,
     FIELDS,
     SHARP,
-    Response,
+    ModalResponse,
     Standing,
     liquids_program,
     mesh,
@@ -157,7 +157,7 @@ class Model:
         second, exact = (self._in_units(k, seen, one) for one in both)
         return second, exact, np.max([np.asarray(one.outcome).astype(int) for one in both], axis=0)
 
-    def _in_units(self, k: int, seen: Seen, found: Response) -> Modal:
+    def _in_units(self, k: int, seen: Seen, found: ModalResponse) -> Modal:
         pick, scale = self._channels(k, seen)
         rates, shapes, rest = (np.asarray(part) for part in found[:3])
         return Modal(rates / seen.time, shapes[:, pick] * scale, rest[pick] * scale)
@@ -196,12 +196,12 @@ class Model:
             outcome = Outcome.NOT_FINITE
         return picked, Modal(change.rates[:, chosen], change.shapes[:, chosen], change.rest), outcome
 
-    def left(self, k: int, u: np.ndarray, near: Standing, weighing: Weighing) -> tuple[Left, Outcome]:
+    def project(self, k: int, u: np.ndarray, near: Standing, weighing: Weighing) -> tuple[Projection, Outcome]:
         """What the simulator leaves of recording k."""
         one = self.recordings[k]
         modal, slopes, outcome = self.picked(k, u, near, weighing)
         if outcome != Outcome.OK:
             nothing = np.full((one.values.size, u.size), np.nan)
-            return Left(nothing[:, 0], nothing, nothing, nothing, modal.rates, one.values), outcome
+            return Projection(nothing[:, 0], nothing, nothing, nothing, modal.rates, one.values), outcome
         elapsed, weight = one.times - one.times[0], 1 / weighing.sigma
-        return left(elapsed, one.values, weight, weighing.memory, modal, slopes, weighing.free_rest), outcome
+        return project(elapsed, one.values, weight, weighing.memory, modal, slopes, weighing.free_rest), outcome

@@ -32,7 +32,7 @@ DIRECTIONS = 4
 Report = Callable[[float], None]
 
 
-class Run(NamedTuple):
+class RunSamples(NamedTuple):
     """Samples of a run at t̂ = 0, EVERY, …: channels (samples, channels), their changes (D, samples, channels)."""
 
     channels: np.ndarray
@@ -40,7 +40,7 @@ class Run(NamedTuple):
     outcome: Outcome
 
 
-class Load(NamedTuple):
+class OuterPressure(NamedTuple):
     """The outer pressure of a run at any t̂, and its change along each direction (D, …)."""
 
     value: Callable[[np.ndarray], np.ndarray]
@@ -60,9 +60,9 @@ def steps_per_sample(step: float) -> int:
 
 
 def run(
-    numbers: np.ndarray, tangents: np.ndarray, load: Load, length: float, elements: int, inner: int,
+    numbers: np.ndarray, tangents: np.ndarray, load: OuterPressure, length: float, elements: int, inner: int,
     report: Report | None = None,
-) -> Run:  # fmt: skip
+) -> RunSamples:  # fmt: skip
     """A run from the stress-free sphere, and its changes.
 
     Args:
@@ -91,7 +91,7 @@ def run(
         outcome = Outcome(int(rest.outcome))
         if outcome != Outcome.OK:
             break
-    return Run(np.concatenate(values), np.concatenate(changes, axis=1), outcome)
+    return RunSamples(np.concatenate(values), np.concatenate(changes, axis=1), outcome)
 
 
 @lru_cache(maxsize=8)

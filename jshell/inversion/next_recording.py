@@ -13,8 +13,8 @@ import numpy as np
 
 from jshell.errors import Outcome, choose
 from jshell.inversion.model import Model, Weighing
-from jshell.inversion.projection import Modal, left
-from jshell.inversion.search import Ending
+from jshell.inversion.projection import Modal, project
+from jshell.inversion.search import SearchResult
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Prospect:
 
 def next_recording(
     model: Model,
-    best: Ending,
+    best: SearchResult,
     weighings: Sequence[Weighing],
     covariance: np.ndarray,
     candidates: Sequence[Mapping[str, float | int]],
@@ -52,7 +52,7 @@ def next_recording(
 
 
 def _prospect(
-    model: Model, best: Ending, weighing: Weighing, known: np.ndarray, change: Mapping[str, float | int]
+    model: Model, best: SearchResult, weighing: Weighing, known: np.ndarray, change: Mapping[str, float | int]
 ) -> Prospect:
     names, first = model.space.names, model.recordings[0]
     for name in change:
@@ -74,10 +74,12 @@ def _prospect(
     slopes = Modal(slope.rates[:, chosen], slope.shapes[:, chosen], slope.rest)
     # as large a swing as that of the first recording
     waves = picked.shapes[:, :, None] * np.exp(np.multiply.outer(picked.rates, elapsed))[:, None]
-    moves = np.real(np.tensordot(best.lefts[0].amplitudes, waves, 1))
-    swing = np.abs(best.lefts[0].curve - first.level[:, None]).max()
+    moves = np.real(np.tensordot(best.projections[0].amplitudes, waves, 1))
+    swing = np.abs(best.projections[0].curve - first.level[:, None]).max()
     moves *= swing / np.abs(moves).max()
     memory = np.full((len(first.channels), elapsed.size), np.median(weighing.memory))
-    found = left(elapsed, picked.rest[:, None] + moves, 1 / weighing.sigma, memory, picked, slopes, weighing.free_rest)
+    found = project(
+        elapsed, picked.rest[:, None] + moves, 1 / weighing.sigma, memory, picked, slopes, weighing.free_rest
+    )
     covariance = np.linalg.pinv(known + found.jacobian.T @ found.jacobian)
     return Prospect(change, dict(zip(names, np.sqrt(np.diag(covariance)).tolist(), strict=True)), outcome)

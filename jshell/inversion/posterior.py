@@ -23,11 +23,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from jshell.calibration.noise import whiten
-from jshell.calibration.posterior import Posterior, Sampling, drawn, sampler, summarised
+from jshell.calibration.posterior import Posterior, SamplerSettings, drawn, sampler, summarised
 from jshell.errors import NotOk, Outcome
 from jshell.inversion.model import Model, Weighing
 from jshell.inversion.projection import Modal
-from jshell.inversion.search import Ending
+from jshell.inversion.search import SearchResult
 
 if TYPE_CHECKING:
     from jshell.inversion.result import Inversion
@@ -101,7 +101,7 @@ class Data(NamedTuple):
     variance: jax.Array
 
 
-def posterior(found: "Inversion", sampling: Sampling) -> SimulatorPosterior:
+def posterior(found: "Inversion", sampling: SamplerSettings) -> SimulatorPosterior:
     """Draw from the posterior, starting at the answer.
 
     Args:
@@ -128,13 +128,13 @@ def posterior(found: "Inversion", sampling: Sampling) -> SimulatorPosterior:
 
 
 @lru_cache(maxsize=4)
-def _sampler(size: int, sampling: Sampling) -> Any:
+def _sampler(size: int, sampling: SamplerSettings) -> Any:
     """Compiled once for all inversions of one form."""
     return sampler(_energy, size, sampling)
 
 
 def _data(
-    model: Model, best: Ending, weighings: Sequence[Weighing], covariance: np.ndarray, variance: float
+    model: Model, best: SearchResult, weighings: Sequence[Weighing], covariance: np.ndarray, variance: float
 ) -> Data:  # fmt: skip
     """What the sampler is given."""
     values, vectors = np.linalg.eigh(covariance)
@@ -158,7 +158,7 @@ def _data(
     return Data(tuple(parts), *(jnp.asarray(x) for x in arrays))
 
 
-def _polynomials(model: Model, best: Ending, k: int, weighing: Weighing, half, points) -> np.ndarray:
+def _polynomials(model: Model, best: SearchResult, k: int, weighing: Weighing, half, points) -> np.ndarray:
     """(outputs, terms) fitted to what the simulator says of recording k at some z, and to its derivatives."""
     at_best, _, _ = model.picked(k, best.u, best.near[k], weighing)
     rows, targets = [], []
@@ -260,7 +260,7 @@ def _left(part: Part, y: jax.Array) -> tuple[jax.Array, jax.Array, int]:
     return upper[-1, -1] ** 2, jnp.sum(jnp.log(jnp.abs(jnp.diag(upper)[:-1]))), columns.shape[0]
 
 
-def _departure(model: Model, best: Ending, weighings: Sequence[Weighing], data: Data, some: np.ndarray) -> float:
+def _departure(model: Model, best: SearchResult, weighings: Sequence[Weighing], data: Data, some: np.ndarray) -> float:
     """Scatter of the difference of the two log densities over draws (draws, unknowns)."""
     away = []
     for z in some:

@@ -29,7 +29,7 @@ class Modal(NamedTuple):
     rest: np.ndarray
 
 
-class Left(NamedTuple):
+class Projection(NamedTuple):
     """What modes leave of a recording.
 
     Attributes:
@@ -49,7 +49,7 @@ class Left(NamedTuple):
     curve: np.ndarray
 
 
-def left(
+def project(
     elapsed: np.ndarray,
     values: np.ndarray,
     weight: np.ndarray,
@@ -57,7 +57,7 @@ def left(
     modal: Modal,
     change: Modal,
     free_rest: bool = False,
-) -> Left:
+) -> Projection:
     """Fit the amplitudes of a recording.
 
     Args:
@@ -100,7 +100,7 @@ def left(
         follows[:, i] = held[:, i] - u @ (u.T @ held[:, i]) - u @ (inverse.T @ (turned / size))
     pairs = a[: 2 * len(modal.rates)].reshape(-1, 2)
     curve = np.tensordot(a, columns, 1) + level[:, None]
-    return Left(r, follows, held, B, pairs[:, 0] + 1j * pairs[:, 1], curve)
+    return Projection(r, follows, held, B, pairs[:, 0] + 1j * pairs[:, 1], curve)
 
 
 def _pairs(waves: np.ndarray) -> np.ndarray:

@@ -42,7 +42,7 @@ QUICKLY = {"xla_backend_optimization_level": 1}  # runs as fast, compiles sooner
 AT_EXTREMUM = 4  # Newton steps to an extremum of a spline
 
 
-class Response(NamedTuple):
+class ModalResponse(NamedTuple):
     """Rates (modes,), changes of the channels along them (modes, channels), rest values (channels,), outcomes (modes,).
 
     Of tangents the same with one leading axis.
@@ -106,7 +106,7 @@ def sharpening_program(elements: int) -> Callable[[Standing, Any], Standing]:
 
 
 @lru_cache(maxsize=8)
-def response_program(elements: int, held: bool) -> Callable[..., tuple[Response, Response]]:
+def response_program(elements: int, held: bool) -> Callable[..., tuple[ModalResponse, ModalResponse]]:
     """Compiled: the response of a shell near another one, and its change along tangents; the liquid to second order.
 
     Its arguments are numbers (fields,), tangents (DIRECTIONS, fields) and a `Standing`. On given nodes it is a smooth
@@ -123,7 +123,7 @@ def response_program(elements: int, held: bool) -> Callable[..., tuple[Response,
 
 
 @lru_cache(maxsize=8)
-def liquids_program(elements: int, held: bool) -> Callable[..., tuple[Response, Response]]:
+def liquids_program(elements: int, held: bool) -> Callable[..., tuple[ModalResponse, ModalResponse]]:
     """Compiled: the response in the liquid of second order and in the exact one, on the plain mesh.
 
     The exact liquid's waves are not resolved by elements that shrink quickly.
@@ -135,7 +135,7 @@ def liquids_program(elements: int, held: bool) -> Callable[..., tuple[Response, 
 
 def _response(
     numbers: Float[Array, "fields"], near: Standing, base: Meridian, liquids: tuple[str, ...]
-) -> tuple[Response, ...]:
+) -> tuple[ModalResponse, ...]:
     conditions = conditions_of(numbers)
     shape = with_pad(base, numbers[6], near.nodes)
     profile = thinned(shape, numbers[7], jnp.asarray(SPOT_WIDTH))
@@ -143,13 +143,13 @@ def _response(
     return tuple(_in_liquid(shape, rest, conditions, liquid) for liquid in liquids)
 
 
-def _in_liquid(shape: Meridian, rest: RestShape, conditions: Reduced, liquid: str) -> Response:
+def _in_liquid(shape: Meridian, rest: RestShape, conditions: Reduced, liquid: str) -> ModalResponse:
     found = roots(matrices(rest, conditions, liquid), conditions.viscosity, MODES)
     v = jnp.zeros((MODES, shape.sphere.shape[0]), complex).at[:, shape.active].set(found.vectors)
     values, along = _channels(shape, rest.coordinates, v)
     lost = ~(found.residual < RESIDUAL)
     outcome = jnp.where(rest.outcome != Outcome.OK, rest.outcome, jnp.where(lost, Outcome.NOT_CONVERGED, Outcome.OK))
-    return Response(found.s, along, values, jax.lax.stop_gradient(outcome).astype(float))
+    return ModalResponse(found.s, along, values, jax.lax.stop_gradient(outcome).astype(float))
 
 
 def _at_rest(shape: Meridian, conditions: Reduced, profile, near: Standing) -> RestShape:

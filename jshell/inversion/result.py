@@ -5,7 +5,7 @@ Symbols    J = ∂r/∂u at the minimum, amplitudes following   s² reduced χ²
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import scipy.special
@@ -23,7 +23,7 @@ from jshell.inversion.exact import doubted
 from jshell.inversion.model import Model, Weighing
 from jshell.inversion.noise import described
 from jshell.inversion.recording import Recording
-from jshell.inversion.search import Ending, prior_rows
+from jshell.inversion.search import SearchResult, prior_rows
 from jshell.inversion.unknowns import plain
 from jshell.inversion.words import ADVICE, open_direction
 
@@ -49,7 +49,7 @@ class Inversion(Fit):
     levels: tuple[float, ...] = ()
     logarithmic: tuple[bool, ...] = ()
     model: Model | None = field(default=None, repr=False)
-    ending: Ending | None = field(default=None, repr=False)
+    ending: SearchResult | None = field(default=None, repr=False)
     weighings: tuple[Weighing, ...] = field(default=(), repr=False)
 
     @readable
@@ -108,10 +108,10 @@ class Inversion(Fit):
         Raises:
             NotOk: The search ended nowhere, and there is no curve.
         """
-        if self.ending is None or not self.ending.lefts:
+        if self.ending is None or not self.ending.projections:
             raise NotOk(self.title, self.outcome)
-        pairs = zip(self.recordings, self.ending.lefts, strict=True)
-        return tuple(dict(zip(one.channels, left.curve, strict=True)) for one, left in pairs)
+        pairs = zip(self.recordings, self.ending.projections, strict=True)
+        return tuple(dict(zip(one.channels, projection.curve, strict=True)) for one, projection in pairs)
 
     def times(self) -> tuple[np.ndarray, ...]:
         """Per recording, the times that were fitted [s, or time unit]."""
@@ -157,11 +157,11 @@ class Inversion(Fit):
             NotOk: The inversion is not ok.
             MissingExtra: NumPyro is not installed.
         """
-        from jshell.calibration.posterior import Sampling
+        from jshell.calibration.posterior import SamplerSettings
         from jshell.inversion.posterior import posterior
 
         self.require_ok()
-        return posterior(self, Sampling(draws, warmup, chains, seed))
+        return posterior(self, SamplerSettings(draws, warmup, chains, seed))
 
     def spread(self) -> np.ndarray:
         """(unknowns, unknowns) covariance of what the solver sees: logarithms of positive unknowns."""
@@ -198,26 +198,33 @@ class Inversion(Fit):
         return self
 
 
+class Settled(NamedTuple):
+    """A minimum, how its recordings were weighed, and the noise that it leaves of them; none where none was sought."""
+
+    best: SearchResult
+    weighings: list[Weighing]
+    noises: list[list[Noise]]
+
+
 def drawn_up(
     model: Model,
-    best: Ending,
-    endings: Sequence[Ending],
-    weighings: Sequence[Weighing],
-    noises: Sequence[Sequence[Noise]],
+    settled: Settled,
+    endings: Sequence[SearchResult],
     notes: Sequence[str],
     warnings: Sequence[str],
-    rivals: Sequence[Ending] = (),
+    rivals: Sequence[SearchResult] = (),
     *,
     doubt: np.ndarray | None = None,
 ) -> Inversion:
     """The result of a minimum; `doubt` (unknowns,) is how far the simulator's own error moves it, where known."""
+    best, weighings, noises = settled
     names, space = model.space.names, model.space
     values, logarithmic = space.to_values(best.u), space.logarithmic
     flat = tuple(one for part in noises for one in part)
     told = tuple(model.told(k, one) for k, one in enumerate(weighings))
-    if not best.lefts or not np.isfinite(best.cost):
+    if not best.projections or not np.isfinite(best.cost):
         return _nothing(model, best, endings, (*told, *notes), warnings)
-    residual = np.concatenate([one.residual for one in best.lefts])
+    residual = np.concatenate([one.residual for one in best.projections])
     errors, linear = _errors(model, best, residual)
     doubt = doubted(model, best, list(weighings)) if doubt is None else doubt
     errors = _widened(errors, doubt)
@@ -269,7 +276,7 @@ def drawn_up(
 
 
 def _nothing(
-    model: Model, best: Ending, endings: Sequence[Ending], notes: tuple[str, ...], warnings: Sequence[str]
+    model: Model, best: SearchResult, endings: Sequence[SearchResult], notes: tuple[str, ...], warnings: Sequence[str]
 ) -> Inversion:
     """The result of a search that ended nowhere."""
     names = model.space.names
@@ -286,13 +293,13 @@ def _nothing(
     )  # fmt: skip
 
 
-def _errors(model: Model, best: Ending, residual: np.ndarray) -> tuple[Uncertainty, int]:
+def _errors(model: Model, best: SearchResult, residual: np.ndarray) -> tuple[Uncertainty, int]:
     """Errors of u, with the amplitudes projected out."""
     J = []
-    for one in best.lefts:
+    for one in best.projections:
         q = np.linalg.svd(one.basis / np.linalg.norm(one.basis, axis=0), full_matrices=False)[0]
         J.append(one.held - q @ (q.T @ one.held))
-    linear = sum(one.basis.shape[1] for one in best.lefts)
+    linear = sum(one.basis.shape[1] for one in best.projections)
     size = np.where(model.space.logarithmic, 1.0, best.u)
     return uncertainty(
         np.concatenate(J),
@@ -314,7 +321,7 @@ def _widened(errors: Uncertainty, doubt: np.ndarray) -> Uncertainty:
     return replace(errors, covariance=covariance, stderr=stderr, correlation=covariance / np.outer(safe, safe))
 
 
-def _judged(model: Model, best: Ending, errors: Uncertainty) -> tuple[Outcome, dict[str, str], list[str]]:
+def _judged(model: Model, best: SearchResult, errors: Uncertainty) -> tuple[Outcome, dict[str, str], list[str]]:
     """Outcome, unknowns that are not determined with the reason, and what is left open in words."""
     names, logarithmic = model.space.names, model.space.logarithmic
     size = np.where(logarithmic, 1.0, best.u)
@@ -325,7 +332,7 @@ def _judged(model: Model, best: Ending, errors: Uncertainty) -> tuple[Outcome, d
     if outcome == Outcome.AT_BOUND and not np.any(_on_bound(model, best.u) & ~np.array(model.space.nuisance, bool)):
         outcome = Outcome.OK  # of a number that nobody asked for: there is no less than no weak spot
     # in a valley without a floor the search finds no rest: that is why
-    settled = outcome in (Outcome.OK, Outcome.AT_BOUND) or len(errors.null) or described(model, best.lefts)
+    settled = outcome in (Outcome.OK, Outcome.AT_BOUND) or len(errors.null) or described(model, best.projections)
     if open_now and settled:
         outcome = Outcome.RANK_DEFICIENT
     found = open_constants(names, size, errors, outcome)
@@ -342,7 +349,7 @@ def _on_bound(model: Model, u: np.ndarray) -> np.ndarray:
     return (u <= low) | (u >= high)
 
 
-def _derived(model: Model, best: Ending, errors: Uncertainty, open_ones: dict[str, str]) -> tuple[Estimate, ...]:
+def _derived(model: Model, best: SearchResult, errors: Uncertainty, open_ones: dict[str, str]) -> tuple[Estimate, ...]:
     """The numbers without units, and the unit of time, of the first recording."""
     if not model.space.si or open_ones:
         return ()
@@ -357,7 +364,7 @@ def _derived(model: Model, best: Ending, errors: Uncertainty, open_ones: dict[st
     return tuple(Estimate(k, float(v), float(e), role="derived") for k, v, e in zip(keys, values, stderr, strict=True))
 
 
-def _starts(model: Model, endings: Sequence[Ending]) -> tuple[Start, ...]:
+def _starts(model: Model, endings: Sequence[SearchResult]) -> tuple[Start, ...]:
     lowest = min((one.cost for one in endings if np.isfinite(one.cost)), default=np.inf)
     return tuple(
         Start(

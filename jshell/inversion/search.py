@@ -16,7 +16,7 @@ import numpy as np
 from jshell.calibration.least_squares import SolverResult, levenberg_marquardt
 from jshell.errors import Outcome
 from jshell.inversion.model import Model, Weighing
-from jshell.inversion.projection import Left
+from jshell.inversion.projection import Projection
 from jshell.inversion.response import Standing
 
 LEGS = 4  # times the nodes follow the shape
@@ -25,13 +25,13 @@ FILLED = 8  # unknowns of the solver, or a multiple
 
 
 @dataclass
-class Ending:
+class SearchResult:
     """Where a search ended.
 
     Attributes:
         u: The unknowns.
         near: The shells at rest, on their nodes.
-        lefts: What is left of every recording there.
+        projections: What is left of every recording there.
         cost: Sum of squares, priors with it.
         outcome: How it ended.
         steps: Steps tried.
@@ -40,7 +40,7 @@ class Ending:
 
     u: np.ndarray
     near: list[Standing]
-    lefts: list[Left]
+    projections: list[Projection]
     cost: float
     outcome: Outcome
     steps: int = 0
@@ -58,13 +58,13 @@ def prior_rows(model: Model, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return r, J
 
 
-def lefts_at(model: Model, u: np.ndarray, near: Sequence[Standing], weighings: Sequence[Weighing]):
+def projections_at(model: Model, u: np.ndarray, near: Sequence[Standing], weighings: Sequence[Weighing]):
     """What is left of every recording, and the worst outcome."""
-    found = [model.left(k, u, near[k], weighings[k]) for k in range(len(model.recordings))]
+    found = [model.project(k, u, near[k], weighings[k]) for k in range(len(model.recordings))]
     return [one for one, _ in found], max(outcome for _, outcome in found)
 
 
-Kept = dict[bytes, tuple[list[Left], Outcome]]
+Kept = dict[bytes, tuple[list[Projection], Outcome]]
 
 
 def solve(
@@ -96,12 +96,12 @@ def solve(
         v = np.asarray(at)[:size]
         if v.tobytes() not in known:
             with jax.disable_jit(False):
-                known[v.tobytes()] = lefts_at(model, v, near, weighings)
-        lefts, ended = known[v.tobytes()]
+                known[v.tobytes()] = projections_at(model, v, near, weighings)
+        projections, ended = known[v.tobytes()]
         square = np.full((size + more + 1, size + more + 1), np.nan)
         if ended == Outcome.OK:
             r, J = prior_rows(model, v)
-            both = [np.column_stack([one.jacobian, one.residual]) for one in lefts]
+            both = [np.column_stack([one.jacobian, one.residual]) for one in projections]
             upper = np.asarray(np.linalg.qr(np.vstack([*both, np.column_stack([J, r])]), mode="r"))
             square[:] = 0.0
             square[: len(upper), :size], square[: len(upper), -1] = upper[:, :size], upper[:, -1]
@@ -118,7 +118,7 @@ def solve(
 
 def minimise(
     model: Model, u: np.ndarray, weighings: Sequence[Weighing], *, max_steps: int = 30, legs: int = LEGS
-) -> Ending:
+) -> SearchResult:
     """The minimum that a start leads to."""
     low, high = model.space.to_u(model.space.low), model.space.to_u(model.space.high)
     begun, steps, outcome = u, 0, Outcome.NOT_CONVERGED
@@ -126,33 +126,33 @@ def minimise(
     near = model.standing(u)
     worst = Outcome(max(int(one.outcome) for one in near))
     if worst != Outcome.OK:
-        return Ending(u, near, [], np.inf, worst, 0, begun)
+        return SearchResult(u, near, [], np.inf, worst, 0, begun)
     for _ in range(legs):
         kept.clear()
         found = solve(model, near, weighings, u, (low, high), max_steps=max_steps, kept=kept)
         new, steps, outcome = np.asarray(found.unknowns), steps + int(found.steps), Outcome(int(found.outcome))
-        lefts, _ = kept.get(new.tobytes()) or lefts_at(model, new, near, weighings)
+        projections, _ = kept.get(new.tobytes()) or projections_at(model, new, near, weighings)
         if outcome == Outcome.NOT_FINITE:
-            return Ending(new, near, [], np.inf, outcome, steps, begun)
+            return SearchResult(new, near, [], np.inf, outcome, steps, begun)
         moved, u = new - u, new
-        if outcome in (Outcome.NOT_CONVERGED, Outcome.STALLED) or _still(moved, lefts):
+        if outcome in (Outcome.NOT_CONVERGED, Outcome.STALLED) or _still(moved, projections):
             break
         follow = model.standing(u)
         if max(int(one.outcome) for one in follow) != Outcome.OK:
             outcome = Outcome.NOT_CONVERGED
             break
         near = follow
-    cost = float(sum(one.residual @ one.residual for one in lefts) + np.sum(prior_rows(model, u)[0] ** 2))
-    return Ending(u, near, lefts, cost, outcome, steps, begun)
+    cost = float(sum(one.residual @ one.residual for one in projections) + np.sum(prior_rows(model, u)[0] ** 2))
+    return SearchResult(u, near, projections, cost, outcome, steps, begun)
 
 
-def _still(moved: np.ndarray, lefts: Sequence[Left]) -> bool:
+def _still(moved: np.ndarray, projections: Sequence[Projection]) -> bool:
     """Whether a change of the unknowns is nothing beside their errors."""
-    J = np.concatenate([one.jacobian for one in lefts])
+    J = np.concatenate([one.jacobian for one in projections])
     return float(np.sum((J @ moved) ** 2)) < AT_REST
 
 
-def information(ending: Ending) -> np.ndarray:
+def information(ending: SearchResult) -> np.ndarray:
     """(unknowns, unknowns) what the recordings tell of the unknowns at a minimum."""
-    J = np.concatenate([one.jacobian for one in ending.lefts])
+    J = np.concatenate([one.jacobian for one in ending.projections])
     return J.T @ J

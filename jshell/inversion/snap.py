@@ -26,7 +26,7 @@ from jshell.errors import BadValue, Outcome
 from jshell.inversion import motion
 from jshell.inversion.kept import Arrays, Kept
 from jshell.inversion.model import Model, Weighing
-from jshell.inversion.projection import Left
+from jshell.inversion.projection import Projection
 from jshell.inversion.recording import POWER, Recording
 from jshell.inversion.response import FIELDS, SPOT_WIDTH, Standing
 from jshell.inversion.unknowns import Seen, plain
@@ -109,7 +109,7 @@ class SnapModel(Model):
         """Nothing: a simulation begins with the sphere."""
         return [NOWHERE] * len(self.recordings)
 
-    def left(self, k: int, u: np.ndarray, near: Standing, weighing: Weighing) -> tuple[Left, Outcome]:
+    def project(self, k: int, u: np.ndarray, near: Standing, weighing: Weighing) -> tuple[Projection, Outcome]:
         """What the simulation leaves of recording k; `near` says nothing here."""
         one = self.recordings[k]
         found = self.kept(("search", k, u), lambda: self._curve(k, u))
@@ -117,7 +117,7 @@ class SnapModel(Model):
         channels = len(one.channels)
         if outcome != Outcome.OK:
             nothing = np.full((one.values.size, u.size), np.nan)
-            return Left(nothing[:, 0], nothing, nothing, nothing[:, :0], np.empty(0), one.values), outcome
+            return Projection(nothing[:, 0], nothing, nothing, nothing[:, :0], np.empty(0), one.values), outcome
         fresh = lambda rows: _fresh(rows / weighing.sigma[:, None], weighing.memory)  # noqa: E731
         curve = found["curve"] + (self.offsets[k] if self.offsets else 0.0)
         r, held = fresh((one.values - curve)[None])[0], -fresh(found["slopes"]).T
@@ -128,7 +128,7 @@ class SnapModel(Model):
             q = np.linalg.qr(basis)[0]
             curve = curve + (np.linalg.lstsq(basis, r, rcond=None)[0])[:, None]
             r, J = r - q @ (q.T @ r), held - q @ (q.T @ held)
-        return Left(r, J, held, basis, np.empty(0), curve), outcome
+        return Projection(r, J, held, basis, np.empty(0), curve), outcome
 
     def finer(self, k: int, u: np.ndarray) -> np.ndarray | None:
         """(channels, times) what a finer mesh and shorter steps add to recording k; None where they end early."""
@@ -191,7 +191,7 @@ class SnapModel(Model):
         scale = np.array([seen.length ** POWER[name] for name in one.channels])
         return (spline(at) * scale).T, (np.where(before[:, None], 0.0, spline(at, 1)) * scale / seen.time).T
 
-    def _load(self, k: int, seen: Seen, mine: list[int]) -> motion.Load:
+    def _load(self, k: int, seen: Seen, mine: list[int]) -> motion.OuterPressure:
         """The outer pressure in the simulator's units, and its change with each of some unknowns."""
         times, values, ends = self._knots(k, seen)
         unit = _pressure_unit(seen)
@@ -209,7 +209,7 @@ class SnapModel(Model):
                     out[row] += np.interp(t * seen.time, times, ends[name]) / unit
             return out
 
-        return motion.Load(value, change)
+        return motion.OuterPressure(value, change)
 
     def _knots(self, k: int, seen: Seen) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
         """Times and pressures in the record's units, and what the logarithm of each end changes of them."""

@@ -24,8 +24,8 @@ from jshell.inversion.kept import Kept
 from jshell.inversion.model import Weighing
 from jshell.inversion.noise import SMALLEST, examined, first_weighing, reweighed
 from jshell.inversion.recording import FEWEST, Recording, after_snap, channels_of, recording
-from jshell.inversion.result import Inversion, drawn_up
-from jshell.inversion.search import Ending, information, lefts_at, prior_rows, solve
+from jshell.inversion.result import Inversion, Settled, drawn_up
+from jshell.inversion.search import SearchResult, information, prior_rows, projections_at, solve
 from jshell.inversion.snap import Snap, SnapModel, protocol
 from jshell.inversion.unknowns import Space, Unknown, plain, space
 from jshell.trace import Trace
@@ -57,7 +57,7 @@ class Question:
 
 
 @dataclass(frozen=True)
-class Task:
+class Search:
     """One search, for any engine."""
 
     model: SnapModel
@@ -102,11 +102,12 @@ def through(question: Question, snap: Snap, modal: Modal, nuisances: Nuisances |
     endings = _searched(model, [one.u for one in ranked[: max(1, snap.starts)]], weighings)
     best = endings[0]
     if best.outcome not in (Outcome.OK, Outcome.AT_BOUND):
-        return drawn_up(model, best, endings, weighings, (), (*notes, _counted(model)), ())
+        return drawn_up(model, Settled(best, weighings, []), endings, (*notes, _counted(model)), ())
     best, weighings, noises = _settled(model, best, weighings)
     best, noises, doubt, note = _corrected(model, best, weighings, noises)
     told = (*notes, note, _counted(model))
-    return drawn_up(model, best, endings, weighings, noises, told, misfits(model, best, noises), doubt=doubt)
+    settled = Settled(best, weighings, noises)
+    return drawn_up(model, settled, endings, told, misfits(model, best, noises), doubt=doubt)
 
 
 def _whole(trace: Trace, number: int, question: Question) -> tuple[Recording, float]:
@@ -165,15 +166,17 @@ def _from_modes(model: SnapModel, question: Question, modal: Modal) -> tuple[dic
     return dict(zip(found.model.space.names, values.tolist(), strict=True)), (f"begun at the ring-down's {words}",)
 
 
-def _ending(model: SnapModel, u: np.ndarray, weighings: Sequence[Weighing], begun: Ending | None = None) -> Ending:
+def _ending(
+    model: SnapModel, u: np.ndarray, weighings: Sequence[Weighing], begun: SearchResult | None = None
+) -> SearchResult:
     """A place of the search with what is left there."""
-    lefts, outcome = lefts_at(model, u, model.standing(u), weighings)
+    projections, outcome = projections_at(model, u, model.standing(u), weighings)
     priors = np.sum(prior_rows(model, u)[0] ** 2)
-    cost = float(sum(one.residual @ one.residual for one in lefts) + priors) if outcome == Outcome.OK else np.inf
-    return Ending(u, model.standing(u), lefts, cost, outcome, 0, u if begun is None else begun.begun)
+    cost = float(sum(one.residual @ one.residual for one in projections) + priors) if outcome == Outcome.OK else np.inf
+    return SearchResult(u, model.standing(u), projections, cost, outcome, 0, u if begun is None else begun.begun)
 
 
-def search(task: Task) -> tuple[np.ndarray, int, int]:
+def search(task: Search) -> tuple[np.ndarray, int, int]:
     """Where a start leads, how the way ended, and its steps; a plain function for any engine."""
     model, whole = task.model, task.model.space
     low, high = whole.to_u(whole.low), whole.to_u(whole.high)
@@ -184,9 +187,9 @@ def search(task: Task) -> tuple[np.ndarray, int, int]:
     return np.asarray(found.unknowns), int(found.outcome), int(found.steps)
 
 
-def _searched(model: SnapModel, begun: Sequence[np.ndarray], weighings: Sequence[Weighing]) -> list[Ending]:
+def _searched(model: SnapModel, begun: Sequence[np.ndarray], weighings: Sequence[Weighing]) -> list[SearchResult]:
     """Where the starts end, the best first."""
-    tasks = [Task(model, u, weighings) for u in begun]
+    tasks = [Search(model, u, weighings) for u in begun]
     engine = model.snap.engine
     if engine == "inline" or len(tasks) == 1:
         found = [search(one) for one in tasks]
@@ -202,7 +205,7 @@ def _searched(model: SnapModel, begun: Sequence[np.ndarray], weighings: Sequence
     return sorted(endings, key=lambda one: one.cost if one.outcome in (Outcome.OK, Outcome.AT_BOUND) else np.inf)
 
 
-def _submitted(engine: Executor, tasks: Sequence[Task]) -> list[tuple[np.ndarray, int, int]]:
+def _submitted(engine: Executor, tasks: Sequence[Search]) -> list[tuple[np.ndarray, int, int]]:
     """All tasks on an engine; one whose process died is given out again."""
     sent = [replace(one, model=replace(one.model, snap=replace(one.model.snap, engine="inline", progress=None)))
             for one in tasks]  # fmt: skip
@@ -218,32 +221,30 @@ def _submitted(engine: Executor, tasks: Sequence[Task]) -> list[tuple[np.ndarray
     return [found[k] for k in range(len(sent))]
 
 
-def _again(model: SnapModel, best: Ending, weighings: Sequence[Weighing]) -> Ending:
+def _again(model: SnapModel, best: SearchResult, weighings: Sequence[Weighing]) -> SearchResult:
     """The minimum anew, from where it was; or the old one, where the new way led nowhere."""
-    u, outcome, _ = search(Task(model, best.u, weighings))
+    u, outcome, _ = search(Search(model, best.u, weighings))
     found = _ending(model, u, weighings, best)
     if outcome in (Outcome.OK, Outcome.AT_BOUND):
         return replace(found, outcome=Outcome(outcome), steps=best.steps)
     return replace(_ending(model, best.u, weighings, best), outcome=best.outcome, steps=best.steps)
 
 
-def _settled(
-    model: SnapModel, best: Ending, weighings: list[Weighing]
-) -> tuple[Ending, list[Weighing], list[list[Noise]]]:
+def _settled(model: SnapModel, best: SearchResult, weighings: list[Weighing]) -> Settled:
     """The minimum with the noise that it leaves."""
-    noises = examined(model, best.lefts, weighings)
+    noises = examined(model, best.projections, weighings)
     for _ in range(ROUNDS):
-        weighings, steady = reweighed(model, best.lefts, weighings, noises)
+        weighings, steady = reweighed(model, best.projections, weighings, noises)
         best = _again(model, best, weighings)
-        noises = examined(model, best.lefts, weighings)
+        noises = examined(model, best.projections, weighings)
         if steady:
             break
-    return best, weighings, noises
+    return Settled(best, weighings, noises)
 
 
 def _corrected(
-    model: SnapModel, best: Ending, weighings: list[Weighing], noises: list[list[Noise]]
-) -> tuple[Ending, list[list[Noise]], np.ndarray, str]:
+    model: SnapModel, best: SearchResult, weighings: list[Weighing], noises: list[list[Noise]]
+) -> tuple[SearchResult, list[list[Noise]], np.ndarray, str]:
     """The minimum by a finer mesh, how far its own error may move it, and what the correction moved in words."""
     before, size = best, np.sqrt(np.abs(np.diag(np.linalg.pinv(information(best)))))
     for _ in range(CORRECTIONS):
@@ -256,11 +257,11 @@ def _corrected(
         step += best.u
         if np.all(np.abs(step) < FAR * size):
             break
-    noises = examined(model, best.lefts, weighings)
+    noises = examined(model, best.projections, weighings)
     pull = np.zeros(size.size)
-    for k, one in enumerate(best.lefts):
+    for k, one in enumerate(best.projections):
         moved = replace(model, offsets=[(1 + DOUBT) * offset for offset in model.offsets])
-        other, _ = moved.left(k, best.u, best.near[k], weighings[k])
+        other, _ = moved.project(k, best.u, best.near[k], weighings[k])
         pull += one.jacobian.T @ (other.residual - one.residual)
     doubt = np.linalg.pinv(information(best)) @ pull
     shift = np.abs(best.u - before.u) / np.where(size > 0, size, np.inf)
@@ -271,11 +272,11 @@ def _corrected(
     )  # fmt: skip
 
 
-def misfits(model: SnapModel, best: Ending, noises: Sequence[Sequence[Noise]]) -> list[str]:
+def misfits(model: SnapModel, best: SearchResult, noises: Sequence[Sequence[Noise]]) -> list[str]:
     """Where the simulation leaves clearly more than noise, in words."""
     texts = []
-    for one, left, noise in zip(model.recordings, best.lefts, noises, strict=True):
-        rms = np.sqrt(np.mean((one.values - left.curve) ** 2, axis=1))
+    for one, projection, noise in zip(model.recordings, best.projections, noises, strict=True):
+        rms = np.sqrt(np.mean((one.values - projection.curve) ** 2, axis=1))
         floor = np.maximum(one.noise if one.sigma is None else one.sigma, SMALLEST * one.values.std(axis=1))
         for c, name in enumerate(one.channels):
             if rms[c] > MISFIT * floor[c] or noise[c].coherent:

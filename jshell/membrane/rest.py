@@ -9,7 +9,7 @@ Source     Mokbel et al. 2021, numerical method
 """
 
 import warnings
-from typing import Literal
+from typing import Literal, TypedDict
 
 import equinox as eqx
 import jax
@@ -37,11 +37,24 @@ UNRESOLVED = 1.5  # above this the rim is not there
 COARSEST = 0.6  # element length at the rim over √d̂ that still gives V/V0 to 1e-4
 
 
+ELEMENTS = 32
+
+
+class RestOptions(TypedDict, total=False):
+    """Keywords that whatever begins at a rest shape passes on to `rest`."""
+
+    branch: Branch | str
+    elements: int
+    attached: float
+    weak_spot: WeakSpot
+    area: Area | str
+
+
 def rest(
     conditions: Reduced,
     *,
     branch: Branch | str = "buckled",
-    elements: int = 32,
+    elements: int = ELEMENTS,
     attached: float = 0.0,
     weak_spot: WeakSpot = NO_WEAK_SPOT,
     area: Area | str = "current",

@@ -24,7 +24,7 @@ from jshell.oscillator.drag import VISCOUS, Drag
 from jshell.oscillator.fixed import DIVERGED, ENDINGS, march
 from jshell.oscillator.lagrangian import gas_energy, kinetic_energy, wall_energy
 from jshell.oscillator.linear import squares
-from jshell.oscillator.motion import Driven, Motion, back_position, front_position, front_velocity
+from jshell.oscillator.motion import Driven, OscillatorState, back_position, front_position, front_velocity
 from jshell.oscillator.simulate import is_buckled, is_uniform
 from jshell.oscillator.unbuckling import unbuckling_volume
 from jshell.pressure import Pressure, Zero
@@ -55,7 +55,7 @@ class Response(eqx.Module):
     """
 
     times: Float[Array, " times"]
-    motion: Motion
+    motion: OscillatorState
     driven: Driven
     outcome: Int[Array, "*batch"]
     ended: Float[Array, "*batch"]
@@ -322,7 +322,7 @@ def batch_shape(driven: Driven, initial: Any, t: jax.Array) -> tuple[int, ...]:
     return np.broadcast_shapes(*shapes, jax.eval_shape(driven.forcing, t).shape)
 
 
-def _adaptive(driven: Driven, start: Motion, ts, solver: str, step, options: tuple[float, float, str], limit):
+def _adaptive(driven: Driven, start: OscillatorState, ts, solver: str, step, options: tuple[float, float, str], limit):
     """One run by the integrator, its end located to the solver's accuracy."""
     if start.V.ndim:
         raise BadShape(
@@ -332,12 +332,12 @@ def _adaptive(driven: Driven, start: Motion, ts, solver: str, step, options: tup
             remedy="Use jax.vmap, or rk4.",
         )
     rtol, atol, adjoint = options
-    leaves, tree = jax.tree.flatten(start)  # diffrax wants arrays only, and Motion has places that may be empty
+    leaves, tree = jax.tree.flatten(start)  # diffrax wants arrays only; some of the state may be absent
     whole = lambda leaves: jax.tree.unflatten(tree, leaves)  # noqa: E731
     field = lambda t, y, args: jax.tree.leaves(driven.rate(t, whole(y)))  # noqa: E731
     ends = [lambda t, y, args, k=k: driven.margins(whole(y), limit)[k] for k in range(len(ENDINGS))]
     most = 2**20 if step is not None else 2**16
-    how = integrator.Options(rtol, atol, solver, step, adjoint, event_tolerance=1e-10, most_steps=most)
+    how = integrator.Scheme(rtol, atol, solver, step, adjoint, event_tolerance=1e-10, most_steps=most)
     found = integrator.integrate(field, leaves, ts, how, margins=ends)
     any_hit = jnp.any(found.hit)
     outcome = jnp.where(any_hit, jnp.asarray(_ENDED)[jnp.argmax(found.hit)], int(Outcome.OK))

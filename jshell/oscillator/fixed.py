@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 
 from jshell.errors import Outcome
-from jshell.oscillator.motion import Driven, Motion
+from jshell.oscillator.motion import Driven, OscillatorState
 
 # How a motion can end, in the order of `Driven.margins`.
 ENDINGS = (Outcome.OUT_OF_RANGE, Outcome.CONTACT, Outcome.NO_BUCKLED_STATE, Outcome.NOT_CONVERGED)
@@ -31,7 +31,7 @@ class March(NamedTuple):
         ending: Which margin it crossed, an index into `ENDINGS`; -1 where none.
     """
 
-    motion: Motion
+    motion: OscillatorState
     ended: jax.Array
     ending: jax.Array
 
@@ -46,7 +46,9 @@ def rk4(rate: Any, t: Any, y: Any, h: Any) -> Any:
     return jax.tree.map(lambda y, a, b, c, d: y + h / 6 * (a + 2 * (b + c) + d), y, k1, k2, k3, k4)
 
 
-def march(driven: Driven, start: Motion, t0: Any, step: Any, samples: int, substeps: int, unbuckled: Any) -> March:
+def march(
+    driven: Driven, start: OscillatorState, t0: Any, step: Any, samples: int, substeps: int, unbuckled: Any
+) -> March:
     """Integrate in even steps, a sample every `substeps`.
 
     Args:

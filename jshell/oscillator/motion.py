@@ -42,7 +42,7 @@ LEAST_AREA = (1 + 1e-6) * SMALLEST_AREA
 FASTEST = 1e6  # a rate beyond it is no motion of a shell
 
 
-class Motion(NamedTuple):
+class OscillatorState(NamedTuple):
     """Where the shell is and how it moves; the last four are there only where they are needed.
 
     Attributes:
@@ -83,7 +83,7 @@ class Driven(eqx.Module):
     forcing: Pressure = Zero()
     budget: bool = eqx.field(static=True, default=False)
 
-    def begin(self, initial: Any = (0.0, 0.0, 0.0, 0.0)) -> Motion:
+    def begin(self, initial: Any = (0.0, 0.0, 0.0, 0.0)) -> OscillatorState:
         """The state at (ΔV, ΔS, ΔV̇, ΔṠ) from rest."""
         parts = (jnp.asarray(part, dtype=float) for part in initial)
         dV, dS, vV, vS = jnp.broadcast_arrays(*parts)
@@ -93,7 +93,7 @@ class Driven(eqx.Module):
         moment = dipole_moment((V, S)) * vS
         # a layer that has been at rest: its velocities are 0, and a shell set in motion at once drags it along
         relaxing = () if layer is None else tuple(jnp.zeros_like(moment) for _ in range(layer.memory.rates.size))
-        return Motion(
+        return OscillatorState(
             V,
             S,
             vV + still,
@@ -104,7 +104,7 @@ class Driven(eqx.Module):
             still if self.budget else ABSENT,
         )
 
-    def rate(self, t: Any, y: Motion, args: Any = None) -> Motion:
+    def rate(self, t: Any, y: OscillatorState, args: Any = None) -> OscillatorState:
         """Time derivative of the state; beyond the end of the motion (`margins`) anything finite."""
         y = self._kept_sound(y)
         q, v = (y.V, y.S), (y.dV, y.dS)
@@ -121,32 +121,34 @@ class Driven(eqx.Module):
             moment = dipole_moment(q) * y.dS
             rates = self.drag.layer.memory.rates
             layer = tuple(rates[k] * (moment - relaxed) for k, relaxed in enumerate(y.layer))
-        return Motion(y.dV, y.dS, a[0], a[1], past, layer, lost, gained)
+        return OscillatorState(y.dV, y.dS, a[0], a[1], past, layer, lost, gained)
 
-    def volume_acceleration(self, t: Any, y: Motion) -> Values:
+    def volume_acceleration(self, t: Any, y: OscillatorState) -> Values:
         """V̈, which is what is heard far away: scattered pressure V̈/(4π r)."""
         return self.rate(t, y).dV
 
-    def energy(self, y: Motion) -> Values:
+    def energy(self, y: OscillatorState) -> Values:
         """Kinetic and potential energy, steady outer pressure included [E d R0²]."""
         q, v = (y.V, y.S), (y.dV, y.dS)
         return kinetic_energy(q, v, self.coefficients) + potential_energy(
             q, self.state, self.coefficients, self.conditions
         )
 
-    def margins(self, y: Motion, unbuckled: Any) -> tuple[Any, Any, Any, Any]:
+    def margins(self, y: OscillatorState, unbuckled: Any) -> tuple[Any, Any, Any, Any]:
         """What must stay above 0: area over the flat state, volume, volume below the sphere's, and sense of speed."""
         speed = jnp.maximum(jnp.abs(y.dV), jnp.abs(y.dS))
         return y.S - 2 * LEAST_AREA + SMALLEST_AREA, y.V - 2 * LEAST_VOLUME, unbuckled - y.V, FASTEST - speed
 
-    def _kept_sound(self, y: Motion) -> Motion:
+    def _kept_sound(self, y: OscillatorState) -> OscillatorState:
         """A trial stage that overshoots the end of the motion must not poison the derivatives of other lanes."""
         V = jnp.where(y.V > LEAST_VOLUME, y.V, self.state.volume)
         S = jnp.where(y.S > LEAST_AREA, y.S, SPHERE_AREA)
         dV, dS = (jnp.where(jnp.abs(rate) < FASTEST, rate, 0.0) for rate in (y.dV, y.dS))
         return y._replace(V=V, S=S, dV=dV, dS=dS)
 
-    def _forces(self, q: Any, v: Any, y: Motion, pressure: Any, square: Any) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
+    def _forces(
+        self, q: Any, v: Any, y: OscillatorState, pressure: Any, square: Any
+    ) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
         """Accelerations, and the generalised forces of all drag."""
         drag, c, eta = self.drag, self.coefficients, self.conditions.viscosity
         mass_V, mass_S = masses(q, c)

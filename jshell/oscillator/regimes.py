@@ -13,7 +13,7 @@ Source     Mokbel et al. 2021: section "Softening of buckled shells", eq:NRJsph;
            this project's
 """
 
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Unpack
 
 import equinox as eqx
 import jax
@@ -32,7 +32,7 @@ from jshell.oscillator.simulate import is_buckled
 from jshell.oscillator.unbuckling import borne, unbuckling_volume
 from jshell.pressure import Pressure
 from jshell.scalar_root import root_of
-from jshell.shell.breathing import radial_acceleration
+from jshell.shell.breathing import Pressures, radial_acceleration
 from jshell.shell.elasticity import SPHERE_AREA, SPHERE_VOLUME, moduli
 from jshell.shell.parameters import Number, Reduced
 from jshell.shell.rest import RestState, buckled_state, gas_pressure, sphere_state
@@ -105,8 +105,7 @@ def simulate_regimes(
     drag: Drag = VISCOUS,
     begin: str = "sphere",
     equilibrium: RestState | None = None,
-    rtol: float = 1e-9,
-    atol: float = 1e-11,
+    **adaptive: Unpack[integrator.Adaptive],
 ) -> Trajectory:
     """The motion of a shell that may buckle and unbuckle.
 
@@ -120,7 +119,7 @@ def simulate_regimes(
             of an `equal_decay` law it takes the same decay time.
         begin: `sphere` or `buckled`, each at rest under the pressure at the first time.
         equilibrium: Rest state of the buckled shell; None takes it from the plateau law.
-        rtol, atol: Tolerances of the adaptive solver.
+        rtol, atol, adjoint: Of the adaptive solver, as in `simulate`.
 
     Returns:
         The trajectory. After an end by flattening (out_of_range), emptying (contact) or too many switches
@@ -138,6 +137,7 @@ def simulate_regimes(
     state = buckled_state(conditions) if equilibrium is None else equilibrium
     at = thresholds(conditions, coefficients, equilibrium)
     parts = _as_arrays((conditions, coefficients, state, drag, forcing))
+    how = integrator.adaptive(**adaptive)._replace(most_steps=2**20)
     driven = Driven(parts[0], parts[1], RestState(*parts[2]), parts[3], parts[4])
     outer = np.asarray(jax.vmap(lambda t: conditions.outer_pressure + jnp.asarray(forcing(t), float))(ts))
 
@@ -151,7 +151,7 @@ def simulate_regimes(
     now, y = float(ts[0]), first
     while outcome == Outcome.OK:
         ends = (jnp.asarray(at.buckling_volume), jnp.asarray(at.unbuckling_volume))
-        found, last, stop, hit, worked, steps = _segment(driven, y, jnp.asarray(now), ts, ends, regime, (rtol, atol))
+        found, last, stop, hit, worked, steps = _segment(driven, y, jnp.asarray(now), ts, ends, regime, how)
         accepted, rejected = accepted + int(steps[0]), rejected + int(steps[1])
         stop = float(stop)
         mine = (np.asarray(ts) >= now) & (np.asarray(ts) <= stop)
@@ -173,7 +173,7 @@ def simulate_regimes(
         y, now, regime = _switched(driven, last, regime), stop, 1 - regime
 
     channels: dict[str, Values] = {"V": rows[:, 0], "S": rows[:, 1], "P_ext": outer, "buckled": rows[:, 4]}
-    settings = (("model", "oscillator, both states"), ("solver", f"dopri8, rtol {rtol:g}, atol {atol:g}"))
+    settings = (("model", "oscillator, both states"), ("solver", f"dopri8, rtol {how.rtol:g}, atol {how.atol:g}"))
     trace = Trace(np.asarray(ts), channels, conditions, outcome=int(outcome), settings=settings)
     return Trajectory(trace, tuple(switches), at, outcome, accepted, rejected)
 
@@ -225,9 +225,7 @@ def _sphere_rate(driven: Driven, t: jax.Array, y: Any) -> list[jax.Array]:
     acceleration = radial_acceleration(
         R,
         speed,
-        gas_pressure(V, c),
-        wall_pressure(R, c) - extra,
-        outer,
+        Pressures(gas_pressure(V, c), wall_pressure(R, c) - extra, outer),
         viscosity=0.0 if drag.liquid in ("none", "equal_decay") else c.viscosity,
         kappa=c.kappa,
         wall_viscosity=drag.wall_viscosity,
@@ -238,7 +236,7 @@ def _sphere_rate(driven: Driven, t: jax.Array, y: Any) -> list[jax.Array]:
 
 
 @eqx.filter_jit
-def _segment(driven: Driven, y: Any, now: jax.Array, ts: jax.Array, ends: Any, regime: int, options: Any):
+def _segment(driven: Driven, y: Any, now: jax.Array, ts: jax.Array, ends: Any, regime: int, how: integrator.Scheme):
     """One state's motion until it ends or the times do: samples, last state, when, which end, success, steps."""
     buckling, unbuckling = ends
     tree = jax.tree.structure(driven.begin())
@@ -249,7 +247,6 @@ def _segment(driven: Driven, y: Any, now: jax.Array, ts: jax.Array, ends: Any, r
     else:
         field = lambda t, y, args: jax.tree.leaves(driven.rate(t, whole(y)))  # noqa: E731
         margins = [lambda t, y, args, k=k: driven.margins(whole(y), unbuckling)[k] for k in range(len(ENDINGS))]
-    how = integrator.Options(*options, most_steps=2**20)
     found = integrator.integrate(field, list(y), ts, how, begin=now, margins=margins)
     steps = (found.accepted, found.rejected)
     return jnp.stack(found.samples[:4]), found.last, found.stop, found.hit, found.worked, steps

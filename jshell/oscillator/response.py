@@ -10,7 +10,7 @@ Valid for  a shell that stays buckled; lanes that leave that state say so
 Source     shooting: Nayfeh & Balachandran 1995, chapter 3
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -56,6 +56,20 @@ class Bifurcation(eqx.Module):
     period: Int[Array, " lanes"]
 
 
+class Strobe(NamedTuple):
+    """How an answer is looked at once a period.
+
+    Attributes:
+        periods: How long each motion runs.
+        keep: Periods kept at the end.
+        steps: Fixed steps a period.
+    """
+
+    periods: int = 200
+    keep: int = 50
+    steps: int = STEPS
+
+
 @renamed_arguments(pulsation="angular_frequency")
 def bifurcation(
     conditions: Reduced,
@@ -63,11 +77,9 @@ def bifurcation(
     amplitudes: Any,
     angular_frequency: float,
     *,
-    periods: int = 200,
-    keep: int = 50,
-    steps: int = STEPS,
     drag: Drag = VISCOUS,
     equilibrium: RestState | None = None,
+    **strobe: int,
 ) -> Bifurcation:
     """The answers to a tone of many amplitudes, each from rest, all in one fixed-step run.
 
@@ -76,34 +88,33 @@ def bifurcation(
         coefficients: Constants of the short model.
         amplitudes: (lanes,) of the tone [E d/R0].
         angular_frequency: Of the tone [1/time].
-        periods: How long each runs.
-        keep: Periods kept at the end.
-        steps: Fixed steps a period.
         drag: What takes energy away.
         equilibrium: Rest state; None takes it from the plateau law.
+        strobe: periods (200) that each runs, those to keep (50) at the end, steps (96) a period; see `Strobe`.
 
     Raises:
         BadValue: More periods kept than run; amplitudes that are not finite.
     """
-    A = jnp.asarray(amplitudes, dtype=float)
-    if not 0 < keep <= periods or A.ndim != 1 or not np.all(np.isfinite(np.asarray(A))):
+    A, seen = jnp.asarray(amplitudes, dtype=float), Strobe(**strobe)
+    if not 0 < seen.keep <= seen.periods or A.ndim != 1 or not np.all(np.isfinite(np.asarray(A))):
         raise BadValue(
             "amplitudes, keep",
-            found=f"shape {A.shape}, {keep} of {periods}",
+            found=f"shape {A.shape}, {seen.keep} of {seen.periods}",
             expected="a list of finite amplitudes, and 1 to `periods` kept",
             remedy="Check them.",
         )
     state = buckled_state(conditions) if equilibrium is None else equilibrium
     given = _as_arrays((conditions, coefficients, state, drag))
-    return _strobe(given, A, jnp.asarray(angular_frequency, float), periods, keep, steps)
+    return _strobe(given, A, jnp.asarray(angular_frequency, float), seen)
 
 
 @eqx.filter_jit
-def _strobe(given: Any, A: jax.Array, angular_frequency: jax.Array, periods: int, keep: int, steps: int) -> Bifurcation:
+def _strobe(given: Any, A: jax.Array, angular_frequency: jax.Array, seen: Strobe) -> Bifurcation:
     conditions, coefficients, state, drag = given
     state = RestState(*state)
     driven = Driven(conditions, coefficients, state, drag, Tone(A, angular_frequency))
     start = jax.tree.map(lambda part: jnp.broadcast_to(part, A.shape), driven.begin())
+    periods, keep, steps = seen
     step = 2 * jnp.pi / angular_frequency / steps
     run = march(
         driven, start, jnp.asarray(0.0), step, periods, steps, unbuckling_volume(conditions, coefficients, state)

@@ -7,6 +7,7 @@ Source     Mokbel et al. 2021: eq:eqmovadimV, eq:eqmovadimS, eq:defw, eq:limstab
 
 import warnings
 from collections.abc import Callable
+from typing import Unpack
 
 import equinox as eqx
 import jax
@@ -171,9 +172,7 @@ def simulate(
     equilibrium: RestState | None = None,
     solver: str = "exact",
     model: str = "linear",
-    rtol: float = 1e-9,
-    atol: float = 1e-11,
-    adjoint: str = "reverse",
+    **adaptive: Unpack[integrator.Adaptive],
 ) -> Trace:
     """The motion of volume and area about the buckled rest state.
 
@@ -185,9 +184,9 @@ def simulate(
         equilibrium: Rest state; None takes it from the plateau law.
         solver: `exact` propagator or `diffrax` (Dopri8, adaptive).
         model: `linear`, or `nonlinear` (by diffrax only).
-        rtol: Relative tolerance of the adaptive solver.
-        atol: Absolute tolerance of the adaptive solver.
-        adjoint: How the adaptive solver is differentiated: `reverse` (checkpoints) or `forward` (for Jacobians).
+        rtol, atol: Tolerances of the adaptive solver, 1e-9 and 1e-11.
+        adjoint: How the adaptive solver is differentiated: `reverse` (checkpoints, the default) or `forward` (for
+            Jacobians).
 
     Returns:
         A trace with channels V and S, absolute values.
@@ -202,7 +201,7 @@ def simulate(
     """
     choose("solver", solver, SOLVERS)
     choose("model", model, MODELS)
-    choose("adjoint", adjoint, integrator.ADJOINTS)
+    scheme = integrator.adaptive(**adaptive)
     if model == "nonlinear" and solver == "exact":
         raise BadName(
             "solver 'exact'",
@@ -226,7 +225,7 @@ def simulate(
 
     if equilibrium is not None:
         equilibrium = RestState(*(jnp.asarray(part, dtype=float) for part in equilibrium))
-    how = integrator.Options(rtol, atol, adjoint=adjoint) if solver == "diffrax" else None
+    how = scheme if solver == "diffrax" else None
     given = conditions.as_arrays(), coefficients.as_arrays(), equilibrium, start, ts
     V, S, outcome = _motion(*given, is_uniform(ts), model, how)
     channels: dict[str, Values] = {"V": V, "S": S}
@@ -243,7 +242,7 @@ def _motion(
     ts: Float[Array, " times"],
     even: bool,
     model: str,
-    options: integrator.Options | None,
+    options: integrator.Scheme | None,
 ) -> tuple[Float[Array, " times"], Float[Array, " times"], Int[Array, ""]]:
     """V, S and how the motion ended; one program for all numbers."""
     state = buckled_state(conditions) if equilibrium is None else equilibrium

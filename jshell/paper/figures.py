@@ -23,7 +23,7 @@ from jshell.paper import records as _records
 from jshell.paper import shapes as _shapes
 from jshell.paper import softening as _softening
 from jshell.paper import trends as _trends
-from jshell.paper.joint_fits import Reading, ShellRuns, calibrate, read_runs
+from jshell.paper.joint_fits import JointFit, ShellRuns, calibrate, read_runs
 from jshell.plot.film import moments
 from jshell.plot.style import Figure
 from jshell.shell import Reduced, presets
@@ -79,7 +79,7 @@ class Material:
         return read_runs(self.table)
 
     @cached_property
-    def readings(self) -> tuple[Reading, ...]:
+    def readings(self) -> tuple[JointFit, ...]:
         return calibrate(self.runs)
 
     @cached_property

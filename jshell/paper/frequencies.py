@@ -14,7 +14,7 @@ import numpy as np
 from jshell.calibration.report import FitResult
 from jshell.errors import Outcome
 from jshell.oscillator import SOURCE, Coefficients, squared_frequencies
-from jshell.paper.joint_fits import BOTH_HEARD, Reading, ShellRuns, deviations
+from jshell.paper.joint_fits import BOTH_HEARD, JointFit, ShellRuns, deviations
 from jshell.paper.printed import printed
 from jshell.plot.frequencies import curves
 from jshell.plot.style import (
@@ -93,7 +93,7 @@ def control(runs: ShellRuns, thickness: str, viscosity: str, pressure: str, shap
     return figure
 
 
-def master(readings: Sequence[Reading], runs: ShellRuns) -> Figure:
+def master(readings: Sequence[JointFit], runs: ShellRuns) -> Figure:
     """fig:w: V_e² ω±² against V_e P_e, as heard after the snap and as computed for small vibrations.
 
     The fits in V_e ω of all shells, and of those with the gas pressures of the source's fig:resul, are drawn through.
@@ -141,7 +141,7 @@ def master(readings: Sequence[Reading], runs: ShellRuns) -> Figure:
     return figure
 
 
-def _squares(reading: Reading) -> np.ndarray:
+def _squares(reading: JointFit) -> np.ndarray:
     """(shells, 2) V_e² ω±² of a reading."""
     omega = np.stack([reading.table["omega_minus"], reading.table["omega_plus"]], axis=1)
     return (reading.table["V_e"][:, None] * omega) ** 2
@@ -179,7 +179,7 @@ def every_run(runs: ShellRuns) -> Figure:
     return figure
 
 
-def constants(readings: Sequence[Reading], more: Sequence[tuple[str, FitResult]] = ()) -> Figure:
+def constants(readings: Sequence[JointFit], more: Sequence[tuple[str, FitResult]] = ()) -> Figure:
     """α1, α2 and k_VS by every reading of the campaign and both weightings, beside the source's joint fit.
 
     Args:

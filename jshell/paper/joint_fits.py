@@ -147,7 +147,7 @@ class ShellRuns:
 
 
 @dataclass(frozen=True)
-class Reading:
+class JointFit:
     """One way to read the campaign, fitted.
 
     Attributes:
@@ -226,7 +226,7 @@ def read_runs(table: Mapping[str, object]) -> ShellRuns:
     )
 
 
-def calibrate(runs: ShellRuns) -> tuple[Reading, ...]:
+def calibrate(runs: ShellRuns) -> tuple[JointFit, ...]:
     """α1, α2 and k_VS of a campaign, by every reading of its frequencies and both weightings.
 
     Args:
@@ -274,7 +274,7 @@ def calibrate(runs: ShellRuns) -> tuple[Reading, ...]:
                 fit = fit_frequencies(table, weighting)
             fits[weighting] = replace(fit, title=f"{words}: {count} shells, residual in {weighting}")
         names = tuple(runs.names[i] for i in np.flatnonzero(rows))
-        found.append(Reading(key, words, count, fits, {name: part[rows] for name, part in table.items()}, names))
+        found.append(JointFit(key, words, count, fits, {name: part[rows] for name, part in table.items()}, names))
     if not found:
         raise BadValue(
             "runs",

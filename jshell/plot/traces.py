@@ -27,7 +27,7 @@ SPHERE = {
 
 
 @dataclass(frozen=True)
-class Reading:
+class AxisUnit:
     """How one column of a trace is read on an axis: times `factor` in `unit`, under `label`, in short `symbol`."""
 
     factor: float
@@ -36,7 +36,7 @@ class Reading:
     unit: str = ""
 
 
-def reading(trace: Trace, name: str, *, relative: bool = False, laboratory: bool = False) -> Reading:
+def reading(trace: Trace, name: str, *, relative: bool = False, laboratory: bool = False) -> AxisUnit:
     """How to read a channel, or the time `t`, on an axis.
 
     Args:
@@ -56,21 +56,21 @@ def reading(trace: Trace, name: str, *, relative: bool = False, laboratory: bool
             remedy="Build it with scales=…, or plot it without units.",
         )
     if name not in QUANTITIES:
-        return Reading(1.0, name, name)
+        return AxisUnit(1.0, name, name)
     known = quantity(name)
     bare = trace.conditions is None and trace.scales is None
     if relative and name in SPHERE and not bare:
         size, symbol = SPHERE[name]
-        return Reading(1 / size, f"{known.words} {symbol}", symbol)
+        return AxisUnit(1 / size, f"{known.words} {symbol}", symbol)
     if laboratory and trace.scales is not None and known.dimension in LABORATORY:
         values = trace.times if name == "t" else trace[name]
         reach = float(np.nanmax(np.abs(np.asarray(values)))) * trace.scales.of(known.dimension)
         unit = laboratory_unit(known.dimension, reach)
         factor = trace.scales.of(known.dimension) / UNITS[unit][1]
-        return Reading(factor, known.label(unit.translate(POWERS)), known.symbol, unit.translate(POWERS))
+        return AxisUnit(factor, known.label(unit.translate(POWERS)), known.symbol, unit.translate(POWERS))
     if bare:
-        return Reading(1.0, known.label("s" if name == "t" else ""), known.symbol)
-    return Reading(1.0, known.label(), known.symbol)
+        return AxisUnit(1.0, known.label("s" if name == "t" else ""), known.symbol)
+    return AxisUnit(1.0, known.label(), known.symbol)
 
 
 def channel(
@@ -224,11 +224,11 @@ def compare(
     ax.legend(loc="lower center", ncols=3, columnspacing=1.2)
 
 
-def _time(trace: Trace, laboratory: bool) -> Reading:
+def _time(trace: Trace, laboratory: bool) -> AxisUnit:
     return reading(trace, "t", laboratory=laboratory)
 
 
-def _numbers(signature: Signature, time: Reading, laboratory: bool) -> str:
+def _numbers(signature: Signature, time: AxisUnit, laboratory: bool) -> str:
     """Frequencies and decay time with errors, as lines of text."""
     rows = (("omega_minus", "f₋"), ("omega_plus", "f₊"), ("tau", quantity("tau").symbol))
     unit = signature.frequency_unit if laboratory else None

@@ -25,7 +25,7 @@ MET = 1e-9
 
 
 @dataclass(frozen=True)
-class Design:
+class MatchingShells:
     """Shells that ring as wished.
 
     Attributes:
@@ -59,7 +59,7 @@ def design(
     viscosity: float = 0.0,
     kappa: float = 1.4,
     poisson_ratio: float = 0.5,
-) -> Design:
+) -> MatchingShells:
     """Thickness and gas pressure of the shells whose two frequencies are as wished.
 
     A grid over the range gives starts, Newton's method with exact derivatives
@@ -109,10 +109,12 @@ def design(
     met.sort(key=lambda end: float(np.sum((end - edges.mean(axis=1)) ** 2)))
     shells = tuple(_plain(_built(jnp.asarray(end), others)) for end in met)
     if shells:
-        return Design(Outcome.OK, shells, omega_minus, omega_plus, float(gaps.min()), shells[0])
+        return MatchingShells(Outcome.OK, shells, omega_minus, omega_plus, float(gaps.min()), shells[0])
     best = ends[int(np.argmin(gaps))] if np.isfinite(gaps).any() else starts[0]
     gap = float(gaps.min()) if np.isfinite(gaps).any() else float(np.nanmin(distance))
-    return Design(Outcome.OUT_OF_RANGE, (), omega_minus, omega_plus, gap, _plain(_built(jnp.asarray(best), others)))
+    return MatchingShells(
+        Outcome.OUT_OF_RANGE, (), omega_minus, omega_plus, gap, _plain(_built(jnp.asarray(best), others))
+    )
 
 
 def _promising(distance: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ import numpy as np
 
 from jshell.calibration.data import chosen_channels, filled, windowed
 from jshell.calibration.records import Record, record, rest_state
-from jshell.calibration.starts import Modes, find_modes, first_start
+from jshell.calibration.starts import ModePair, find_modes, first_start
 from jshell.errors import JshellError
 from jshell.trace import Trace
 
@@ -81,20 +81,20 @@ def preview(
     return Preview(loss, names, tuple(cut), tuple(curves), begin, modes, tuple(dict.fromkeys(notes)))
 
 
-def _modes(trace: Trace, names: Sequence[str]) -> Modes | None:
+def _modes(trace: Trace, names: Sequence[str]) -> ModePair | None:
     times = np.asarray(trace.times, dtype=float)
     data = np.stack([filled(times, np.asarray(trace[name], dtype=float)) for name in names])
     return find_modes(times - times[0], data)
 
 
-def _curve(trace: Trace, names: Sequence[str], found: Modes) -> dict[str, np.ndarray]:
+def _curve(trace: Trace, names: Sequence[str], found: ModePair) -> dict[str, np.ndarray]:
     times = np.asarray(trace.times, dtype=float)
     waves = np.exp(np.outer(found.poles, times - times[0]))
     rows = found.offsets[:, None] + np.real(found.amplitudes @ waves)
     return dict(zip(names, rows, strict=True))
 
 
-def _start(loss: str, ready: list[Record], heard: list[Modes], fix: dict[str, float]) -> dict[str, float]:
+def _start(loss: str, ready: list[Record], heard: list[ModePair], fix: dict[str, float]) -> dict[str, float]:
     """The first start of the library, by name."""
     known = {name: value for name, value in fix.items() if "[" not in name}
     first = first_start(loss, ready, heard, known).tolist()

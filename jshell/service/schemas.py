@@ -90,11 +90,11 @@ def _can_be(text: str) -> str:
     return text
 
 
-class Prior(Wire):
-    """What is known of a parameter before the data."""
-
-    mean: Number
-    sigma: Positive
+# `jshell.calibration.Prior` as it comes over the wire
+_PRIOR: Any = create_model(
+    "Prior", __base__=Wire, __doc__="What is known of a parameter before the data.", mean=(Number, ...),
+    sigma=(Positive, ...),
+)  # fmt: skip
 
 
 def _or_none(kind: Any) -> Any:
@@ -108,7 +108,7 @@ _WIRE: dict[str, tuple[Any, dict[str, Any]]] = {  # what may come over the wire 
     "tie": (dict[Constant, Annotated[Text, AfterValidator(_can_be)]], _MANY),
     "local": (list[Constant | Condition], {"default_factory": list, "max_length": 20}),
     "uncertain": (dict[Condition, Positive | None], {"default_factory": dict}),
-    "priors": (dict[Constant, Prior], _MANY),
+    "priors": (dict[Constant, _PRIOR], _MANY),
     "channels": (list[Text] | None, {"default": None, "min_length": 1, "max_length": 20}),
     "start": (_or_none(Number), {"default": None}),
     "stop": (_or_none(Number), {"default": None}),

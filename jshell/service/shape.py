@@ -36,7 +36,7 @@ PATIENCE, LONG_PATIENCE = 5.0, 20.0  # seconds that a request waits for its turn
 _TURN, _LONG_TURN = threading.Lock(), threading.Lock()
 
 
-class Drawn(eqx.Module):
+class Drawing(eqx.Module):
     """Rest shape, modes and what is drawn of them; (points,) and (modes, points)."""
 
     found: Modes
@@ -47,12 +47,12 @@ class Drawn(eqx.Module):
 
 
 @eqx.filter_jit
-def _all(conditions: Reduced, liquid: str, count: int) -> Drawn:
+def _all(conditions: Reduced, liquid: str, count: int) -> Drawing:
     found = modes(conditions, liquid=liquid, count=count, elements=ELEMENTS)
     x, r = half(found.rest, found.rest.coordinates)
     dx, dr = jax.vmap(lambda v: half(found.rest, v))(found.shapes)
     size = jnp.max(jnp.hypot(jnp.abs(dx), jnp.abs(dr)), axis=1, keepdims=True)
-    return Drawn(found, x, r, dx / size, dr / size)
+    return Drawing(found, x, r, dx / size, dr / size)
 
 
 def half(state: RestShape, q: jax.Array) -> tuple[jax.Array, jax.Array]:
@@ -66,7 +66,7 @@ def half(state: RestShape, q: jax.Array) -> tuple[jax.Array, jax.Array]:
     return real[0] + 1j * imag[0], real[1] + 1j * imag[1]
 
 
-def found_of(conditions: Reduced, liquid: str = "second", count: int = COUNT) -> Drawn:
+def found_of(conditions: Reduced, liquid: str = "second", count: int = COUNT) -> Drawing:
     """Rest shape and modes, in turn with other requests.
 
     Raises:

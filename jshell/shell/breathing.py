@@ -8,6 +8,8 @@ Valid for  R Ṙ²/c small (first order in the Mach number)
 Source     Rayleigh & Plesset; Marmottant et al. 2005, eq. 3, for the sound and the wall's viscosity
 """
 
+from typing import NamedTuple
+
 from jaxtyping import Array, Float
 
 from jshell.shell.parameters import Number
@@ -15,12 +17,24 @@ from jshell.shell.parameters import Number
 Values = Float[Array, "*batch"]
 
 
+class Pressures(NamedTuple):
+    """What drives a sphere's radius.
+
+    Attributes:
+        gas: Pressure of the gas.
+        wall: Pressure that the wall adds to it, outwards positive; -2σ/R of a film.
+        outer: Pressure far away.
+    """
+
+    gas: Values
+    wall: Values
+    outer: Values
+
+
 def radial_acceleration(
     radius: Values,
     speed: Values,
-    gas: Values,
-    wall: Values,
-    outer: Values,
+    pressures: Pressures,
     *,
     viscosity: Number,
     kappa: Number,
@@ -32,9 +46,7 @@ def radial_acceleration(
     Args:
         radius: R.
         speed: Ṙ.
-        gas: Pressure of the gas.
-        wall: Pressure that the wall adds to it, outwards positive; -2σ/R of a film.
-        outer: Pressure far away.
+        pressures: Inside, of the wall and outside.
         viscosity: Of the liquid.
         kappa: Polytropic exponent.
         wall_viscosity: κ_s.
@@ -43,6 +55,7 @@ def radial_acceleration(
     Source:
         ρ (R R̈ + 3/2 Ṙ²) = P (1 - 3κ Ṙ/c) + wall - P_ext - 4η Ṙ/R - 4κ_s Ṙ/R².
     """
+    gas, wall, outer = pressures
     radiated = 0.0 if sound_speed is None else 3 * kappa * gas * speed / sound_speed
     slowed = 4 * viscosity * speed / radius + 4 * wall_viscosity * speed / radius**2
     return (gas - radiated + wall - outer - slowed - 1.5 * speed**2) / radius

@@ -22,7 +22,7 @@ class Preset:
 
 
 @dataclass(frozen=True)
-class Range:
+class ParameterRanges:
     """A row of Table 1: lowest and highest value of each number. SI, and reduced."""
 
     words: str
@@ -58,7 +58,7 @@ R_MICRO = _laboratory(
 PRESETS = {preset.name: preset for preset in (R, R_MACRO, R_MICRO)}
 
 RANGES = {
-    "contrast-agent": Range(
+    "contrast-agent": ParameterRanges(
         "ultrasound contrast agents",
         (1e-6, 5e-6),
         (2e-9, 5e-9),
@@ -67,7 +67,7 @@ RANGES = {
         (0.2, 250.0),
         (0.02, 0.7),
     ),
-    "macroshell": Range(
+    "macroshell": ParameterRanges(
         "polymeric macroscopic shells",
         (1e-3, 0.1),
         (0.01, 0.5),
@@ -76,7 +76,7 @@ RANGES = {
         (0.2, 1e5),
         (4e-6, 3.0),
     ),
-    "experiments": Range(
+    "experiments": ParameterRanges(
         "the source's experiments",
         (6.75e-3, 67.5e-3),
         (0.08, 0.3),
@@ -85,7 +85,7 @@ RANGES = {
         (0.7, 2.5),
         (1.3e-3, 13e-3),
     ),
-    "simulations": Range("the source's simulations", None, None, None, (0.04, 0.3), (0.2, 5.0), (6e-4, 1.3)),
+    "simulations": ParameterRanges("the source's simulations", None, None, None, (0.04, 0.3), (0.2, 5.0), (6e-4, 1.3)),
 }
 
 

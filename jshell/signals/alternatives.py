@@ -16,7 +16,7 @@ from jaxtyping import Float
 
 from jshell.signals.pencil import rates
 from jshell.signals.residual import Residual, examine
-from jshell.signals.waves import STEPS, Ending, Model, look, search
+from jshell.signals.waves import STEPS, SignalFit, SignalModel, look, search
 from jshell.signals.waves_from_data import followed, model_orders, refitted, start_with, starts_of
 
 TERM = 25.0  # of χ², for a term with one or two numbers: five standard errors
@@ -39,7 +39,7 @@ class Alternative:
     """
 
     kind: str
-    ending: Ending
+    ending: SignalFit
     gain: float
     needed: float
     noise: tuple[Residual, ...]
@@ -59,24 +59,24 @@ def of_mode(samples: int, channels: int) -> float:
     return HEARD + 2 * np.log(samples) + 3 * (channels - 1)
 
 
-def chi_square(noise: Sequence[Residual], values: np.ndarray, ending: Ending, elapsed: np.ndarray) -> float:
+def chi_square(noise: Sequence[Residual], values: np.ndarray, ending: SignalFit, elapsed: np.ndarray) -> float:
     """χ² of what a fit leaves of all channels."""
     left = values - ending.curve(elapsed)
     return sum(one.chi_square(row) for one, row in zip(noise, left, strict=True))
 
 
-def residuals(values: np.ndarray, ending: Ending, elapsed: np.ndarray) -> tuple[Residual, ...]:
+def residuals(values: np.ndarray, ending: SignalFit, elapsed: np.ndarray) -> tuple[Residual, ...]:
     """The noise of every channel under a fit."""
     left = values - ending.curve(elapsed)
     return tuple(examine(row, ending.linear.shape[0] + ending.unknowns.size) for row in left)
 
 
 def tried(
-    base: Ending,
+    base: SignalFit,
     noise: Sequence[Residual],
     elapsed: Float[np.ndarray, "times"],
     values: Float[np.ndarray, "channels times"],
-    further: Ending | None,
+    further: SignalFit | None,
     *,
     moves: bool,
 ) -> list[Alternative]:
@@ -96,7 +96,7 @@ def tried(
     # what is left of a jump looks like noise of a long memory; where there is such, each fit has the noise it leaves
     long = any(one.memory > LONG for one in noise)
 
-    def weigh(kind: str, ending: Ending, needed: float) -> None:
+    def weigh(kind: str, ending: SignalFit, needed: float) -> None:
         own = residuals(values, ending, elapsed)
         gain = before - chi_square(noise, values, ending, elapsed)
         if long:
@@ -124,18 +124,18 @@ def tried(
     return sorted(found, key=lambda one: each * numbers(one) - one.gain)
 
 
-def kicked(base: Ending, elapsed: np.ndarray, values: np.ndarray) -> Ending:
+def kicked(base: SignalFit, elapsed: np.ndarray, values: np.ndarray) -> SignalFit:
     """The best fit in which the waves are excited anew at some time: coarse times first, then finer ones."""
     span = base.span
     short = max(1, elapsed.size // 512)  # where to look needs no more samples
     t, y = elapsed[::short], values[:, ::short]
-    best: Ending | None = None
+    best: SignalFit | None = None
     # before a second kick the waves are those of a single one: frequencies from a part of the record
     for first, last in ((0, 0.12), (0, 0.2), (0, 0.4), (0.5, 1), (0, 1)):
         part = (t >= first * span) & (t <= last * span)
         if part.sum() < 40:
             continue
-        plain = Model(base.model.modes, base.model.drift)
+        plain = SignalModel(base.model.modes, base.model.drift)
         since, seen = t[part] - t[part][0], y[:, part]
         starts = [start_with(base, plain), *starts_of(plain, rates(since, seen), float(since[-1]))]
         alone = followed(plain, since, seen, starts)[0].unknowns
@@ -157,9 +157,11 @@ def kicked(base: Ending, elapsed: np.ndarray, values: np.ndarray) -> Ending:
     return _kicked_at(base, best.unknowns, best.model.kick, elapsed, values, STEPS)
 
 
-def _kicked_at(base: Ending, unknowns: np.ndarray, at: float, t: np.ndarray, y: np.ndarray, steps: int = 8) -> Ending:
-    return search(Model(base.model.modes, base.model.drift, kick=float(at)), t, y, unknowns, steps)
+def _kicked_at(
+    base: SignalFit, unknowns: np.ndarray, at: float, t: np.ndarray, y: np.ndarray, steps: int = 8
+) -> SignalFit:
+    return search(SignalModel(base.model.modes, base.model.drift, kick=float(at)), t, y, unknowns, steps)
 
 
-def _cost_at(base: Ending, unknowns: np.ndarray, at: float, t: np.ndarray, y: np.ndarray) -> float:
-    return look(Model(base.model.modes, base.model.drift, kick=float(at)), unknowns, t, y, base.span)[0]
+def _cost_at(base: SignalFit, unknowns: np.ndarray, at: float, t: np.ndarray, y: np.ndarray) -> float:
+    return look(SignalModel(base.model.modes, base.model.drift, kick=float(at)), unknowns, t, y, base.span)[0]

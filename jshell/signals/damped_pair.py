@@ -20,7 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from jshell.signals.waves import Ending, Model, search
+from jshell.signals.waves import SignalFit, SignalModel, search
 from jshell.signals.waves_from_data import sound
 
 STEPS = 80
@@ -51,7 +51,7 @@ class DampedModes:
     converged: bool
 
 
-class Modes(eqx.Module):
+class DampedSinusoids(eqx.Module):
     """Damped sinusoids about an offset; amplitudes hold at the record's first time.
 
     Attributes:
@@ -107,7 +107,7 @@ def fit(
         starts: Ω of each mode, then the decay rate 1/τ.
     """
     elapsed, even, mean, scale = comparable(times, values)
-    endings = [search(Model(starts.shape[1] - 1), elapsed, even, np.log(start)) for start in starts]
+    endings = [search(SignalModel(starts.shape[1] - 1), elapsed, even, np.log(start)) for start in starts]
     best = min(endings, key=lambda one: (not sound(one, elapsed), one.power))
     return damped_modes(best, elapsed, even, mean, scale)
 
@@ -121,7 +121,7 @@ def comparable(
 
 
 def damped_modes(
-    ending: Ending, elapsed: np.ndarray, values: np.ndarray, mean: np.ndarray, scale: np.ndarray
+    ending: SignalFit, elapsed: np.ndarray, values: np.ndarray, mean: np.ndarray, scale: np.ndarray
 ) -> DampedModes:
     """An ending as plain numbers, channels in their own units again."""
     Omega, sigma, M = ending.Omega, ending.sigma, ending.model.modes
@@ -190,7 +190,7 @@ def minimum(
     weights: Float[Array, "times"],
     damped: Float[Array, "modes"],
     tau: Float[Array, ""],
-) -> Modes:
+) -> DampedSinusoids:
     """Levenberg-Marquardt from one start; wrap in `vmap` for many.
 
     Differentiable in `values`: the derivative is that of the minimum, by the
@@ -269,7 +269,7 @@ def _implicit_jvp(primals, tangents):
     return logs, -jnp.linalg.solve(curvature, change)
 
 
-def _read(logs, times, values, weights, converged) -> Modes:
+def _read(logs, times, values, weights, converged) -> DampedSinusoids:
     """All the numbers that belong to given log Ω, log τ."""
     coefficients, rest, slope = project(logs, times, values, weights)
     offset = coefficients[0]
@@ -280,7 +280,7 @@ def _read(logs, times, values, weights, converged) -> Modes:
     scale = jnp.sqrt(jnp.diag(normal)) + 1e-300
     curled = normal / (scale[:, None] * scale[None, :]) + RIDGE * jnp.eye(logs.shape[0])
     covariance = jnp.linalg.inv(curled) / (scale[:, None] * scale[None, :])
-    return Modes(
+    return DampedSinusoids(
         damped=jnp.exp(logs[:-1]),
         tau=jnp.exp(logs[-1]),
         offset=offset,

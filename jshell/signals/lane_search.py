@@ -41,7 +41,7 @@ class Look(NamedTuple):
     sums: Any
 
 
-class Search(NamedTuple):
+class LMState(NamedTuple):
     """Where the search of every trace stands.
 
     Attributes:
@@ -62,26 +62,26 @@ class Search(NamedTuple):
 Looks = Callable[[jax.Array, Any], Look]
 
 
-def begin(unknowns: Float[Array, "unknowns block"], data, look: Looks) -> Search:
+def begin(unknowns: Float[Array, "unknowns block"], data, look: Looks) -> LMState:
     """A search that has not moved yet."""
     first = look(unknowns, data)
     zero = jnp.zeros(unknowns.shape[1], int)
     status = jnp.where(jnp.isfinite(first.cost), RUNNING, STUCK)
-    return Search(unknowns, first, jnp.full(unknowns.shape[1], 1e-4), status, zero)
+    return LMState(unknowns, first, jnp.full(unknowns.shape[1], 1e-4), status, zero)
 
 
 def descend(
-    search: Search,
+    search: LMState,
     data,
     low: Float[Array, "unknowns block"],
     high: Float[Array, "unknowns block"],
     look: Looks,
-) -> Search:
+) -> LMState:
     """`STEPS` further steps of every trace that still runs."""
 
     go = data.count[0] >= 0
 
-    def step(_, search: Search) -> Search:
+    def step(_, search: LMState) -> LMState:
         u, at, damping = search.unknowns, search.look, search.damping
         held = ((u <= low) & (at.gradient < 0)) | ((u >= high) & (at.gradient > 0))
         g = [jnp.where(held[i], 0.0, at.gradient[i]) for i in range(u.shape[0])]
@@ -112,7 +112,7 @@ def descend(
         )
         done = flat & ~cut
         status = jnp.where(done & (better | (promised <= slack)), CONVERGED, jnp.where(damping > 1e12, STUCK, RUNNING))
-        return Search(
+        return LMState(
             pick(trial, u),
             jax.tree.map(pick, new, at),
             jnp.where(running, jnp.clip(damping, 1e-12, 1e15), search.damping),

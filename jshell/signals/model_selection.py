@@ -18,7 +18,7 @@ from jaxtyping import Float
 from jshell.signals.alternatives import DRIFTING, Alternative, chi_square, of_mode, residuals, tried
 from jshell.signals.residual import Residual
 from jshell.signals.sample_faults import LEVELS, SampleFaults
-from jshell.signals.waves import LONGEST, Ending
+from jshell.signals.waves import LONGEST, SignalFit
 from jshell.signals.waves_from_data import sound
 
 VERDICTS = ("one", "two", "more than two", "misfit")
@@ -44,14 +44,14 @@ class Judgement:
     """
 
     word: str | None
-    ending: Ending
+    ending: SignalFit
     noise: tuple[Residual, ...]
     warnings: tuple[str, ...]
     notes: tuple[str, ...]
 
 
 def judge(
-    fits: list[list[Ending]],
+    fits: list[list[SignalFit]],
     elapsed: Float[np.ndarray, "times"],
     values: Float[np.ndarray, "channels times"],
     names: Sequence[str],
@@ -105,7 +105,7 @@ def judge(
 
 def _weighed(
     word: str,
-    base: Ending,
+    base: SignalFit,
     noise: Sequence[Residual],
     moves: list[bool],
     left: np.ndarray,
@@ -151,12 +151,12 @@ def _in_words(cause: Alternative, begin: float) -> str:
     return "decays of their own, τ = " + " and ".join(f"{1 / sigma:.4g}" for sigma in ending.sigma) + ","
 
 
-def _third(more: Ending, base: Ending) -> float:
+def _third(more: SignalFit, base: SignalFit) -> float:
     """Frequency of the mode that the others are farthest from."""
     return float(max(more.Omega, key=lambda turn: np.min(np.abs(np.log(turn / base.Omega)))))
 
 
-def _of_the_modes(base: Ending, elapsed: np.ndarray) -> list[str]:
+def _of_the_modes(base: SignalFit, elapsed: np.ndarray) -> list[str]:
     """What is wrong with the modes themselves."""
     texts, span, M = [], float(elapsed[-1]), base.model.modes
     turns = base.Omega[0] * span / (2 * np.pi)
@@ -191,7 +191,7 @@ def _of_the_channels(marks: Sequence[SampleFaults], names: Sequence[str]) -> tup
     return warnings, notes
 
 
-def _near_by(two: Ending, elapsed: np.ndarray) -> list[str]:
+def _near_by(two: SignalFit, elapsed: np.ndarray) -> list[str]:
     """A second mode so near that the record is too short to tell, and so near that the first is moved by it."""
     beats = (two.Omega[1] - two.Omega[0]) * float(elapsed[-1]) / (2 * np.pi)
     if beats > BEATS or not sound(two, elapsed):
@@ -200,7 +200,7 @@ def _near_by(two: Ending, elapsed: np.ndarray) -> list[str]:
     return [f"two modes close together are likelier than one, ω = {first:.4g} and {second:.4g}, but not told apart"]
 
 
-def _other_minima(endings: Sequence[Ending], noise, elapsed, values) -> list[str]:
+def _other_minima(endings: Sequence[SignalFit], noise, elapsed, values) -> list[str]:
     """Another pair that describes the record as well."""
     best = endings[0]
     chi = chi_square(noise, values, best, elapsed)
@@ -215,7 +215,7 @@ def _other_minima(endings: Sequence[Ending], noise, elapsed, values) -> list[str
     return []
 
 
-def _overtone(two: Ending) -> tuple[bool, list[str]]:
+def _overtone(two: SignalFit) -> tuple[bool, list[str]]:
     """Whether the fast mode is the slow one's overtone, and whether that is sure."""
     C, ratio = two.covariance, two.Omega[1] / two.Omega[0]
     error = np.sqrt(max(C[0, 0] + C[1, 1] - 2 * C[0, 1], 0.0))  # of log Ω+/Ω-

@@ -97,7 +97,7 @@ def look(logs: Float[Array, "3 block"], data: Records) -> Look:
     return Look(jnp.where(sound, cost, jnp.inf), found.gradient, found.normal, found.amplitudes, sums)
 
 
-class Ending(NamedTuple):
+class BlockFit(NamedTuple):
     """How the search of a block ended: unknowns, look, status; offset, noise² from sixth differences, scatter²."""
 
     logs: Any
@@ -110,7 +110,7 @@ class Ending(NamedTuple):
     square: Any
 
 
-def solve(values: Float[Array, "1 times block"], count: Float[Array, " block"], start, cell: int) -> Ending:
+def solve(values: Float[Array, "1 times block"], count: Float[Array, " block"], start, cell: int) -> BlockFit:
     """Fit a block; NaN starts come from the pencil."""
     go = count[0] >= 0
     y, mean = stage(centred, go, values, count)
@@ -125,12 +125,12 @@ def solve(values: Float[Array, "1 times block"], count: Float[Array, " block"], 
     search = descend(begin(jnp.clip(first, low, high), data, look), data, low, high, look)
     at = search.look
     offset = mean[0] - total(at.linear[i] * at.sums[i] for i in range(4)) / count
-    return Ending(search.unknowns, at.cost, at.normal, at.linear, search.status, offset, noise[0], square[0])
+    return BlockFit(search.unknowns, at.cost, at.normal, at.linear, search.status, offset, noise[0], square[0])
 
 
 @eqx.filter_jit
 @lanewise
-def _solve_blocks(values, count, start, cell: int, used) -> Ending:
+def _solve_blocks(values, count, start, cell: int, used) -> BlockFit:
     one = lambda given: solve(*given, cell)  # noqa: E731  # pyright: ignore[reportCallIssue]
     shapes = jax.eval_shape(one, (values[0], count[0], start[0]))
     nothing = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shapes)
@@ -190,12 +190,12 @@ def extract_batch(
         return _read(found, n, steps, usable)
 
 
-def _left(found: Ending, n: np.ndarray) -> np.ndarray:
+def _left(found: BlockFit, n: np.ndarray) -> np.ndarray:
     """(rows,) what is left over the noise, squared."""
     return found.cost / np.maximum(n - 8, 1) / np.maximum(found.noise, 1e-8 * found.square)
 
 
-def _rounds(data, n, chosen, starts, hopeless) -> Ending:
+def _rounds(data, n, chosen, starts, hopeless) -> BlockFit:
     """Fit chosen records from (3, chosen) starts until all rest."""
     found = _once(data, n, chosen, starts)
     for _ in range(ROUNDS - 1):
@@ -207,7 +207,7 @@ def _rounds(data, n, chosen, starts, hopeless) -> Ending:
     return found
 
 
-def _once(data, n, chosen, starts) -> Ending:
+def _once(data, n, chosen, starts) -> BlockFit:
     length = data.shape[1]
     padded = -(-length // INNER) * INNER
     cell = max(1, 2 ** int(np.log2(max(1, length // CELLS))))
@@ -224,10 +224,10 @@ def _once(data, n, chosen, starts) -> Ending:
         found = _solve_blocks(values, n[lanes].astype(float), np.swapaxes(first, 1, 2), cell, np.asarray(used))
         flat = lambda x, k=mine.size: np.moveaxis(np.asarray(x), 0, -2).reshape(*x.shape[1:-1], -1)[..., :k]  # noqa: E731
         parts.append([flat(part) for part in found])
-    return Ending(*(np.array(np.concatenate(part, axis=-1)) for part in zip(*parts, strict=True)))
+    return BlockFit(*(np.array(np.concatenate(part, axis=-1)) for part in zip(*parts, strict=True)))
 
 
-def _with_care(found: Ending, data, n, rows) -> None:
+def _with_care(found: BlockFit, data, n, rows) -> None:
     """Records that ended badly, from the rates of several truncation orders; the best ending is kept."""
     places, starts = [], []
     for row in rows:
@@ -251,7 +251,7 @@ def _with_care(found: Ending, data, n, rows) -> None:
                 whole[..., row] = part[..., best]
 
 
-def _read(found: Ending, n: np.ndarray, steps: np.ndarray, usable: np.ndarray) -> Pairs:
+def _read(found: BlockFit, n: np.ndarray, steps: np.ndarray, usable: np.ndarray) -> Pairs:
     order = np.argsort(found.logs[:2], axis=0)
     turn = np.take_along_axis(np.exp(found.logs[:2]), order, axis=0)
     decay = np.exp(found.logs[2])

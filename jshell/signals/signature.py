@@ -17,7 +17,7 @@ from jshell.signals.damped_pair import DampedModes, comparable, damped_modes
 from jshell.signals.model_selection import Judgement, judge
 from jshell.signals.sample_faults import sample_faults
 from jshell.signals.snap import dip, ring_down_start
-from jshell.signals.waves import DRIFTS, Ending, linear_part, measured, search
+from jshell.signals.waves import DRIFTS, SignalFit, linear_part, measured, search
 from jshell.signals.waves_from_data import in_cells, model_orders, sound
 from jshell.trace import Trace
 
@@ -278,7 +278,7 @@ def _chosen(trace: Trace, channel: str | Sequence[str] | None) -> tuple[str, ...
     return names
 
 
-def _fits(elapsed: np.ndarray, values: np.ndarray, drift: str) -> tuple[str, list[list[Ending]]]:
+def _fits(elapsed: np.ndarray, values: np.ndarray, drift: str) -> tuple[str, list[list[SignalFit]]]:
     """Fits with one, two and three modes, and the drift they were made with."""
     if drift != "auto":
         return drift, model_orders(elapsed, values, drift)
@@ -323,7 +323,7 @@ def _wider(found: Judgement, step: float) -> np.ndarray:
     return np.append(worst, worst.max())
 
 
-def _amplitudes(elapsed: np.ndarray, cut: Trace, names: tuple[str, ...], ending: Ending):
+def _amplitudes(elapsed: np.ndarray, cut: Trace, names: tuple[str, ...], ending: SignalFit):
     """Amplitudes, phases and offsets of every measured channel at the waves' frequencies and decay."""
     listed = tuple(dict.fromkeys((*(m for m in MEASURED if m in cut.channels), *names)))
     linear = linear_part(ending, elapsed, np.stack([np.asarray(cut[name], dtype=float) for name in listed]))

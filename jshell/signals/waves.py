@@ -29,7 +29,7 @@ LONGEST, SHORTEST = 1e3, 1e-3  # of a decay time over the span
 
 
 @dataclass(frozen=True)
-class Model:
+class SignalModel:
     """What a record is taken to be made of.
 
     Attributes:
@@ -60,7 +60,7 @@ class Model:
 
 
 @dataclass(frozen=True)
-class Ending:
+class SignalFit:
     """Where a search ended.
 
     Attributes:
@@ -73,7 +73,7 @@ class Ending:
         at_rest: Whether the search came to rest.
     """
 
-    model: Model
+    model: SignalModel
     unknowns: np.ndarray
     span: float
     power: float
@@ -112,19 +112,19 @@ class Ending:
 
 
 def search(
-    model: Model,
+    model: SignalModel,
     elapsed: Float[np.ndarray, "times"],
     values: Float[np.ndarray, "channels times"],
     start: np.ndarray,
     steps: int = STEPS,
-) -> Ending:
+) -> SignalFit:
     """Levenberg-Marquardt from one start.
 
     Args:
         model: What to fit.
         elapsed: Increasing times from 0.
         values: Channels that share their waves, of comparable size.
-        start: Unknowns, as `Ending` has them.
+        start: Unknowns, as `SignalFit` has them.
         steps: At most so many.
     """
     span = float(elapsed[-1])
@@ -158,7 +158,7 @@ def search(
     return _ended(model, unknowns, span, (cost, slope, linear), elapsed.size * values.shape[0], done)
 
 
-def measured(ending: Ending, elapsed: np.ndarray, values: np.ndarray) -> Ending:
+def measured(ending: SignalFit, elapsed: np.ndarray, values: np.ndarray) -> SignalFit:
     """The same waves on other samples of the record, their linear part found anew."""
     span = float(elapsed[-1])
     unknowns = ending.unknowns.copy()
@@ -168,7 +168,7 @@ def measured(ending: Ending, elapsed: np.ndarray, values: np.ndarray) -> Ending:
     return _ended(ending.model, unknowns, span, (cost, slope, linear), values.size, ending.at_rest)
 
 
-def _ended(model: Model, unknowns: np.ndarray, span: float, found, count: int, done: bool) -> Ending:
+def _ended(model: SignalModel, unknowns: np.ndarray, span: float, found, count: int, done: bool) -> SignalFit:
     cost, slope, linear = found
     size = np.linalg.norm(slope, axis=0) + 1e-300
     inverse = np.linalg.pinv(slope / size, rcond=1e-13)
@@ -185,10 +185,10 @@ def _ended(model: Model, unknowns: np.ndarray, span: float, found, count: int, d
         pairs += [place + 2 * model.modes for place in pairs]
     rows = np.concatenate([np.arange(model.background), np.array(pairs, dtype=int)])
     good = done and bool(np.all(np.isfinite(unknowns)) and np.isfinite(cost))
-    return Ending(model, unknowns[place], span, float(cost), linear[rows], covariance[np.ix_(place, place)], good)
+    return SignalFit(model, unknowns[place], span, float(cost), linear[rows], covariance[np.ix_(place, place)], good)
 
 
-def look(model: Model, unknowns: np.ndarray, elapsed: np.ndarray, values: np.ndarray, span: float):
+def look(model: SignalModel, unknowns: np.ndarray, elapsed: np.ndarray, values: np.ndarray, span: float):
     """Cost; Jacobian after Kaufman and residual, both on an orthonormal basis of what the background and waves leave;
     and the linear part."""
     lead, parts = model.columns, []
@@ -207,7 +207,7 @@ def look(model: Model, unknowns: np.ndarray, elapsed: np.ndarray, values: np.nda
     return float(np.sum(rest**2)), *flat, linear
 
 
-def linear_part(ending: Ending, elapsed: np.ndarray, values: np.ndarray) -> np.ndarray:
+def linear_part(ending: SignalFit, elapsed: np.ndarray, values: np.ndarray) -> np.ndarray:
     """(columns, channels) of other channels of the same record, at the waves of an ending."""
     return look(ending.model, ending.unknowns, elapsed, values, ending.span)[3]
 
@@ -218,7 +218,7 @@ def _parts(elapsed: np.ndarray, values: np.ndarray | None = None) -> Iterator:
         yield part if values is None else (part, values[:, at : at + BLOCK])
 
 
-def _rates(model: Model, unknowns: np.ndarray, span: float) -> np.ndarray:
+def _rates(model: SignalModel, unknowns: np.ndarray, span: float) -> np.ndarray:
     M = model.modes
     return unknowns[M : 2 * M] * OWN / span if model.own_decay else np.full(M, np.exp(unknowns[M]))
 
@@ -232,7 +232,7 @@ def _background(drift: str, elapsed: np.ndarray, span: float, rate: float) -> np
     return np.stack(columns, axis=1) if columns else np.zeros((elapsed.size, 0))
 
 
-def _basis(model: Model, unknowns: np.ndarray, elapsed: np.ndarray, span: float) -> tuple[np.ndarray, np.ndarray]:
+def _basis(model: SignalModel, unknowns: np.ndarray, elapsed: np.ndarray, span: float) -> tuple[np.ndarray, np.ndarray]:
     """Columns of background and waves; and t times each wave and fading term, of which all derivatives are made."""
     M, Omega, sigma = model.modes, np.exp(unknowns[: model.modes]), _rates(model, unknowns, span)
     rate = np.exp(unknowns[-1]) if model.drift == "exponential" else 0.0
@@ -252,7 +252,7 @@ def _basis(model: Model, unknowns: np.ndarray, elapsed: np.ndarray, span: float)
     return np.concatenate(B, axis=1), np.concatenate(T, axis=1)
 
 
-def _tangent_weights(model: Model, unknowns: np.ndarray, span: float, linear: np.ndarray) -> np.ndarray:
+def _tangent_weights(model: SignalModel, unknowns: np.ndarray, span: float, linear: np.ndarray) -> np.ndarray:
     """What of each tangent column makes the derivative of the curve by each unknown, (tangents, unknowns, channels)."""
     M, first = model.modes, model.background
     Omega, sigma = np.exp(unknowns[:M]), _rates(model, unknowns, span)
@@ -272,7 +272,7 @@ def _tangent_weights(model: Model, unknowns: np.ndarray, span: float, linear: np
     return found
 
 
-def _bounds(model: Model, span: float, step: float) -> tuple[np.ndarray, np.ndarray]:
+def _bounds(model: SignalModel, span: float, step: float) -> tuple[np.ndarray, np.ndarray]:
     M = model.modes
     # a wave of more than half a turn a sample is one of fewer
     low, high = [np.log(0.1 / span)] * M, [np.log(0.97 * np.pi / step)] * M

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jshell.signals.pencil import rates
-from jshell.signals.waves import OWN, Ending, Model, look, search
+from jshell.signals.waves import OWN, SignalFit, SignalModel, look, search
 
 FOLLOWED = 4  # starts that are followed to their end, beside a split peak
 HURRIED, KEPT = 12, 2  # steps after which so many are followed on
@@ -33,22 +33,22 @@ def model_orders(
     drift: str = "constant",
     *,
     most: int = 3,
-) -> list[list[Ending]]:
+) -> list[list[SignalFit]]:
     """Fits with one, two and three waves: for each number the endings, best first.
 
     Args:
         elapsed: Increasing times from 0.
         values: Channels, centred and of comparable size.
-        drift: Background, as `Model` has it.
+        drift: Background, as `SignalModel` has it.
         most: Waves of the last.
 
     Returns:
         A list for each number; the first holds at least one ending where the record oscillates, else all are empty.
     """
     heard = rates(elapsed, values)
-    found: list[list[Ending]] = []
+    found: list[list[SignalFit]] = []
     for modes in range(1, most + 1):
-        model = Model(modes, drift)
+        model = SignalModel(modes, drift)
         starts = _starts(model, heard, found, elapsed, values)
         if not starts:
             return [[]] * most
@@ -56,7 +56,9 @@ def model_orders(
     return [sorted(endings, key=lambda one: (not sound(one, elapsed), one.power)) for endings in found]
 
 
-def followed(model: Model, elapsed: np.ndarray, values: np.ndarray, starts: Sequence[np.ndarray]) -> list[Ending]:
+def followed(
+    model: SignalModel, elapsed: np.ndarray, values: np.ndarray, starts: Sequence[np.ndarray]
+) -> list[SignalFit]:
     """Endings of the most promising starts, best first, each minimum once."""
     span = float(elapsed[-1])
     costs = [look(model, start, elapsed, values, span)[0] for start in starts]
@@ -65,16 +67,16 @@ def followed(model: Model, elapsed: np.ndarray, values: np.ndarray, starts: Sequ
     return distinct([one if one.at_rest else search(model, elapsed, values, one.unknowns) for one in endings])
 
 
-def distinct(endings: Sequence[Ending]) -> list[Ending]:
+def distinct(endings: Sequence[SignalFit]) -> list[SignalFit]:
     """Each minimum once, best first."""
-    kept: list[Ending] = []
+    kept: list[SignalFit] = []
     for one in sorted(endings, key=lambda one: one.power):
         if all(np.max(np.abs(one.unknowns - other.unknowns)) > 1e-4 for other in kept):
             kept.append(one)
     return kept
 
 
-def sound(one: Ending, elapsed: np.ndarray) -> bool:
+def sound(one: SignalFit, elapsed: np.ndarray) -> bool:
     """Whether the waves are apart, turn, and lie in the record's reach."""
     span, step = float(elapsed[-1]), float(np.median(np.diff(elapsed)))
     Omega, sigma = one.Omega, one.sigma
@@ -111,7 +113,7 @@ def in_cells(elapsed: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def _starts(
-    model: Model, heard: list[np.ndarray], found: list[list[Ending]], elapsed: np.ndarray, values: np.ndarray
+    model: SignalModel, heard: list[np.ndarray], found: list[list[SignalFit]], elapsed: np.ndarray, values: np.ndarray
 ) -> list[np.ndarray]:
     """Unknowns to start from."""
     modes, span = model.modes, float(elapsed[-1])
@@ -137,7 +139,7 @@ def _starts(
     return [*starts_of(model, heard, span), *rows]
 
 
-def starts_of(model: Model, heard: list[np.ndarray], span: float) -> list[np.ndarray]:
+def starts_of(model: SignalModel, heard: list[np.ndarray], span: float) -> list[np.ndarray]:
     """Unknowns from the strongest rates of every order of a pencil."""
     return [
         unknowns_of(model, [s.imag for s in chosen], -float(np.mean([s.real for s in chosen])), span)
@@ -146,7 +148,7 @@ def starts_of(model: Model, heard: list[np.ndarray], span: float) -> list[np.nda
     ]
 
 
-def unknowns_of(model: Model, turns: Sequence[float], decay: float, span: float) -> np.ndarray:
+def unknowns_of(model: SignalModel, turns: Sequence[float], decay: float, span: float) -> np.ndarray:
     """Unknowns of waves that share a decay rate."""
     tail = [np.log(2 / span)] if model.drift == "exponential" else []
     return np.array(
@@ -171,7 +173,7 @@ def peaks(elapsed: np.ndarray, values: np.ndarray) -> np.ndarray:
     return 2 * np.pi * best / (4 * float(elapsed[-1]) * elapsed.size / max(elapsed.size - 1, 1))
 
 
-def start_with(base: Ending, model: Model) -> np.ndarray:
+def start_with(base: SignalFit, model: SignalModel) -> np.ndarray:
     """Unknowns of another model that starts where one ended: of as many modes, with what else it asks for."""
     span, M = base.span, model.modes
     decay = base.sigma * span / OWN if model.own_decay else [np.log(max(float(np.mean(base.sigma)), 0.05 / span))]
@@ -179,7 +181,7 @@ def start_with(base: Ending, model: Model) -> np.ndarray:
     return np.concatenate([base.unknowns[:M], decay, tail])
 
 
-def refitted(base: Ending, elapsed: np.ndarray, values: np.ndarray, **changed) -> Ending:
+def refitted(base: SignalFit, elapsed: np.ndarray, values: np.ndarray, **changed) -> SignalFit:
     """The same waves with another background, decay rates of their own, or a second kick, from where they ended."""
     model = replace(base.model, **changed)
     return search(model, elapsed, values, start_with(base, model))

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jshell.calibration.batch_shape import Block, shape
+from jshell.calibration.batch_shape import Block, coupled, shape, uncoupled
 from jshell.calibration.frequency_model import weighted
 from jshell.calibration.frequency_table import prepare
 from jshell.calibration.resampling import Resamples, look
@@ -20,6 +20,20 @@ def test_numpy_and_jax_say_the_same_to_the_bit():
     for i in range(2):
         jax_own = frequencies_of_square(V[i], P[i], ALPHA1[i], ALPHA2[i], K[i] ** 2, kappa=KAPPA, area_modulus=K_A)
         np.testing.assert_allclose(np.asarray(jax_own), own[:, i], rtol=1e-15)
+
+
+@pytest.mark.parametrize("scaled", [False, True])
+def test_the_form_of_the_lanes_is_the_formula(scaled):
+    random = np.random.default_rng(0)
+    V, P, alpha1, alpha2, k2, K_A = np.exp(random.uniform(-1.0, 1.0, (6, 200)))
+    unit = V**2 if scaled else 1.0
+    a, b, by_k, _ = uncoupled(alpha1, alpha2, V / np.sqrt(unit), KAPPA * P / V * unit, K_A / (4 * np.pi))
+    slow, fast, half, gap = coupled(a, b, by_k * k2)
+    wanted = unit * np.stack(squares(V, P, alpha1, alpha2, k2, KAPPA, K_A))
+    # the slow one is the small difference a b - c over the fast one: rounding is of the size of that
+    np.testing.assert_allclose(fast, wanted[1], rtol=1e-14)
+    np.testing.assert_allclose(slow, wanted[0], rtol=1e-14, atol=1e-14 * np.max(a * b / fast + by_k * k2 / fast))
+    np.testing.assert_allclose([2 * half, 2 * gap], [a - b, fast - slow], rtol=1e-11, atol=1e-11)
 
 
 @pytest.mark.long

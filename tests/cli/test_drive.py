@@ -12,7 +12,7 @@ from jshell.cli.constants import BETA1, damped
 from jshell.cli.decay import decay, line, written
 from jshell.cli.main import app
 from jshell.cli.output import judged
-from jshell.cli.problem import conditions
+from jshell.cli.problem import ConditionOptions, conditions
 from jshell.errors import BadValue, Outcome
 from jshell.oscillator import fitted_decay_time
 
@@ -65,7 +65,7 @@ def test_a_drive_of_r_rings_down_as_the_simulator_does_and_says_so(tmp_path):
 
 
 def test_the_decay_is_what_was_asked_for_else_the_laws():
-    R, own = conditions(preset="R"), damped()
+    R, own = conditions(ConditionOptions(preset="R")), damped()
     constants, law, found = decay(R, own, None)
     assert (law, found.origin, line(found)[-25:]) == ("viscous", "law", "; --beta1 or --tau choose")
     # what runs is what is said: τ = α1/(2 β1 η̂)
@@ -96,11 +96,11 @@ def test_the_decay_is_what_was_asked_for_else_the_laws():
 
 
 def test_two_decays_at_once_are_refused():
-    R = conditions(preset="R")
+    R = conditions(ConditionOptions(preset="R"))
     for constants, drag, other in ((damped(beta1=2.0), None, "--beta1"), (damped(), "reynolds", "--drag reynolds")):
         with pytest.raises(BadValue, match=other):
             decay(R, constants, 5.0, drag)
-    bare = conditions(d_hat=0.08, p0_hat=0.9, pext_hat=1.2)
+    bare = conditions(ConditionOptions(d_hat=0.08, p0_hat=0.9, pext_hat=1.2))
     with pytest.raises(BadValue, match="--eta-hat"):
         decay(bare, damped(), None)
     assert decay(bare, damped(), 5.0)[2].tau == 5.0

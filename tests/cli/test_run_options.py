@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from jshell import dynamics, presets
 from jshell.cli.driving import forcing, losses, outer_pressure
 from jshell.cli.main import app
-from jshell.cli.problem import Problem
+from jshell.cli.problem import Case
 from jshell.contour import meridian
 from jshell.dynamics import Losses
 from jshell.dynamics.run import Setup
@@ -125,15 +125,15 @@ def test_a_pressure_in_si_is_read_by_the_conditions_of_the_command_line(tmp_path
     macro = presets.preset("R-macro")
     path = tmp_path / "P.csv"
     path.write_text("t [ms],P_ext [kPa]\n0,100\n10,177\n")
-    times, values = outer_pressure(path, Problem(macro.conditions, macro.unit, True))
+    times, values = outer_pressure(path, Case(macro.conditions, macro.unit, True))
     # R0 22.5 mm, d 5 mm, E 0.5 MPa, 1260 kg/m³: E d/R0 is 111.1 kPa, one unit of time 2.396 ms
     np.testing.assert_allclose(times, [0, 10 / 2.396], rtol=1e-3)
     np.testing.assert_allclose(values, [100 / 111.11, 177 / 111.11], rtol=1e-4)
     with pytest.raises(BadUnits):
-        outer_pressure(path, Problem(presets.R.conditions, None, True))
+        outer_pressure(path, Case(presets.R.conditions, None, True))
     path.write_text("t,pressure\n0,1\n1,1\n")
     with pytest.raises(BadFile, match="P_ext"):
-        outer_pressure(path, Problem(presets.R.conditions, None, True))
+        outer_pressure(path, Case(presets.R.conditions, None, True))
 
 
 @pytest.mark.parametrize(
@@ -156,7 +156,7 @@ def test_a_pressure_file_is_read_as_its_owner_says(monkeypatch, tmp_path):
     file = tmp_path / "P.csv"
     file.write_text("0;101,3\n1;120,5\n2;178,2\n")
     shell = presets.preset("R-macro")  # in SI
-    problem = Problem(shell.conditions, shell.unit, True)
+    problem = Case(shell.conditions, shell.unit, True)
     with pytest.raises(JshellError):
         outer_pressure(file, problem)
     said = {"columns": "P_ext=2", "units": "P_ext=kPa", "rate": 500.0}

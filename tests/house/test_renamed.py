@@ -6,9 +6,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jshell import comparators, flow, oscillator, plot, pressure
+from jshell import calibration, comparators, contour, export, flow, oscillator, plot, pressure, sensitivity
 
 RENAMED = {
+    "jshell.calibration": {"Comparison": calibration.ModelComparison},
+    "jshell.contour": {"Family": contour.SplineBasis},
+    "jshell.export": {"Branch": export.LawBranch, "Run": export.RadialMotion},
+    "jshell.sensitivity": {"Design": sensitivity.MatchingShells},
     "jshell.dynamics": {"Sampled": pressure.Recorded},
     "jshell.plot": {"heard": plot.identified_modes},
     "jshell.flow": {"turning": flow.gyroscopic},

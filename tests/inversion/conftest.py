@@ -8,14 +8,14 @@ import pytest
 
 import jshell as js
 from jshell.inversion import model
-from jshell.inversion.response import Response, Standing
+from jshell.inversion.response import ModalResponse, Standing
 from jshell.inversion.starts import table
 from jshell.shell import Liquid, Reduced, Shell, scales
 
 STEP = 1e-5
 
 
-def stand_in(numbers: np.ndarray) -> Response:
+def stand_in(numbers: np.ndarray) -> ModalResponse:
     """Three modes of H, W, V, S and both poles, of shells (shells, fields) side by side."""
     d, gas, outer, viscosity, kappa, nu, pad, spot = (part[:, None] for part in numbers.T)
     there = table(bool(pad[0, 0] > 0))
@@ -27,7 +27,7 @@ def stand_in(numbers: np.ndarray) -> Response:
     shapes = np.cos(k * c + d * k + 0.2 * gas * c) + 0.1j * np.sin(c + 5 * np.sqrt(viscosity) + outer * k + pad)
     poles = np.broadcast_to([-0.2, -1.0], (len(numbers), 2))
     values = np.concatenate([rest * (1 - 0.02 * spot), poles], axis=1)
-    return Response(rates, shapes, values, np.zeros((len(numbers), 3)))
+    return ModalResponse(rates, shapes, values, np.zeros((len(numbers), 3)))
 
 
 def _standing(numbers):
@@ -44,7 +44,7 @@ def _response(numbers, tangents, near):
         factor = (size / (2 * STEP)).reshape(-1, *(1,) * (part.ndim - 1))
         value.append(part[0])
         changes.append((part[1 : count + 1] - part[count + 1 :]) * factor)
-    return Response(*value), Response(*changes)
+    return ModalResponse(*value), ModalResponse(*changes)
 
 
 @pytest.fixture
@@ -61,7 +61,9 @@ def make_recording():
 
     def make(thickness=0.15, gas=1.0, outer=1.7, viscosity=0.004, pad=0.3, *, noise=0.01, memory=0.0, seed=0,
              channels=("H", "W"), periods=5.0, size=(1.0, 0.4, 0.0), swing=0.02):  # fmt: skip
-        found = Response(*(p[0] for p in stand_in(np.array([[thickness, gas, outer, viscosity, 1.4, 0.5, pad, 0.0]]))))
+        found = ModalResponse(
+            *(p[0] for p in stand_in(np.array([[thickness, gas, outer, viscosity, 1.4, 0.5, pad, 0.0]])))
+        )
         pick = ["HWVS".index(name) for name in channels]
         generator = np.random.default_rng(seed)
         times = np.linspace(0, periods * 2 * np.pi / found.rates[0].imag, 300)

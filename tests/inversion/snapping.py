@@ -51,7 +51,7 @@ def run(numbers, tangents, load, length, elements, inner, report=None, pause=0.0
     ]  # fmt: skip
     if report is not None:
         report(1.0)
-    return motion.Run(value, np.array(slopes), Outcome.OK)
+    return motion.RunSamples(value, np.array(slopes), Outcome.OK)
 
 
 def simulate(conditions, *, duration, every, pressure, elements, attached, weak_spot, step):

@@ -63,6 +63,12 @@ def test_profiles_of_a_sharp_minimum_are_the_intervals_of_the_covariance(make_re
         low, high = found.interval(name)
         assert profiles[name].low == pytest.approx(low, abs=0.05 * (high - low))
         assert profiles[name].high == pytest.approx(high, abs=0.05 * (high - low))
+        assert profiles[name].stderr == pytest.approx(found[name].stderr)
+        points = profiles.points[profiles.intervals.index(profiles[name])]
+        assert points[:, 1].min() == 0
+        assert points[points[:, 1].argmin(), 0] == pytest.approx(found[name].value)
+        assert points[[0, -1], 1] == pytest.approx(profiles.growth, rel=0.05)  # the ends are found to 2 % of its root
+    assert set(profiles.record()["intervals"]["youngs_modulus"]) == {"value", "low", "high", "reason"}
 
 
 @pytest.mark.long

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jshell.inversion.projection import Modal, left
+from jshell.inversion.projection import Modal, project
 
 TIMES = np.linspace(0.0, 20.0, 120)
 
@@ -29,7 +29,7 @@ def data(noise: float) -> np.ndarray:
 
 def at(p, values, memory=0.0, **options):
     phi = np.full(values.shape, memory)
-    return left(TIMES, values, np.array([100.0, 50.0]), phi, modes(p), changes(p), **options)
+    return project(TIMES, values, np.array([100.0, 50.0]), phi, modes(p), changes(p), **options)
 
 
 def test_nothing_is_left_of_the_modes_own_motion():

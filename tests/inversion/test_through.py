@@ -171,7 +171,7 @@ def test_changes_of_a_run_are_central_differences(pad):
 
     def load(numbers, tangents):
         rise = lambda t: np.clip(t / 5.0, 0, 1)  # noqa: E731
-        return motion.Load(
+        return motion.OuterPressure(
             lambda t: numbers[1] + (numbers[2] - numbers[1]) * rise(t),
             lambda t: np.stack([d[1] + (d[2] - d[1]) * rise(t) for d in tangents]),
         )

@@ -8,7 +8,7 @@ import numpy as np
 
 from jshell.calibration import FitResult
 from jshell.plot.style import BLACK, BLUE, CHANNEL, GREY, ORANGE, VERMILION
-from jshell.plot.traces import Reading, reading
+from jshell.plot.traces import AxisUnit, reading
 from jshell.service.preview import Preview
 from jshell.trace import Trace
 
@@ -77,7 +77,7 @@ def _thinned(*rows: np.ndarray) -> list[np.ndarray]:
     return [np.asarray(row)[::step] for row in rows]
 
 
-def _read(trace: Trace, name: str) -> Reading:
+def _read(trace: Trace, name: str) -> AxisUnit:
     return reading(trace, name, laboratory=trace.scales is not None)
 
 
