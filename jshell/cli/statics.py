@@ -197,8 +197,8 @@ def branch(
     marks.append(("first eigenvalue", float(threshold.volume_ratio), float(threshold.difference)))
     marks.append(("Maxwell point", maxwell.volume_ratio, maxwell.difference))
     if loss is not None:
-        lost = "round to the end" if loss.volume_ratio is None else f"loss of symmetry, m = {loss.order}"
-        marks.append((lost, loss.volume_ratio, loss.difference))
+        at = loss.checked if loss.volume_ratio is None else loss.volume_ratio
+        marks.append((loss.words, at, loss.difference))
     if as_json:
         listed = [
             {"of": fold.of, "V_over_V0": fold.volume_ratio, "difference": fold.difference} for fold in found.folds
@@ -219,6 +219,7 @@ def branch(
                 "difference": loss.difference,
                 "order": loss.order,
                 "checked_V_over_V0": loss.checked,
+                "words": loss.words,
                 "outcome": loss.outcome,
             }
         say({"branch": columns, **marked, "outcome": found.outcome, "conditions": problem.record()})
@@ -234,7 +235,8 @@ def branch(
         drawing.save(axes.figure, plot)
         log(f"drawn: {plot}")
     # a branch that ends where the wall touches itself has been followed to its end
-    finish(Outcome.OK if found.outcome == Outcome.CONTACT else found.outcome)
+    outcome = Outcome.OK if found.outcome == Outcome.CONTACT else found.outcome
+    finish(outcome if loss is None or outcome != Outcome.OK else loss.outcome)
 
 
 @speaking

@@ -42,7 +42,7 @@ class SymmetryLoss:
     """Where a branch first loses its axial symmetry, coming from the sphere.
 
     Attributes:
-        volume_ratio, difference: V/V0 [-], ΔP [E d/R0]; None where it stays round to the end of the branch.
+        volume_ratio, difference: V/V0 [-], ΔP [E d/R0]; None where no loss was seen.
         order: m of the motion that sets in.
         checked: Smallest V/V0 looked at.
         outcome: ok; not_converged where a shape on the way was not found.
@@ -53,6 +53,13 @@ class SymmetryLoss:
     order: int | None
     checked: float
     outcome: Outcome
+
+    @property
+    def words(self) -> str:
+        """What was seen, in a few words."""
+        if self.volume_ratio is not None:
+            return f"loss of symmetry, m = {self.order}"
+        return "round to the end, at" if self.outcome == Outcome.OK else "round, not followed beyond"
 
 
 def symmetry_loss(branch: Branch, conditions: Reduced, *, area: Area | str = "current") -> SymmetryLoss:

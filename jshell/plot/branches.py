@@ -33,26 +33,36 @@ def deflation(
 ) -> Axes:
     """Pressure difference against volume along a deflation branch.
 
-    Drawn through where the shape is stable at held volume, dashed where it is not. With the threshold, the line of
-    the compressed sphere is drawn up to it.
+    Drawn through where the shape is stable at held volume, dashed where it is not, dotted where it is no longer round.
+    With the threshold, the line of the compressed sphere is drawn up to it.
 
     Args:
         branch: From `jshell.membrane.deflation_branch`.
         ax: Where to draw; by default on a new figure.
         threshold: Eigenvalue of the sphere, from `buckling_eigenvalue`.
         maxwell: From `maxwell_point`.
-        loss: From `symmetry_loss`; beyond it the shape is not round.
+        loss: From `symmetry_loss`.
     """
     V, p = branch.volume_ratio, branch.difference
     stable = branch.held_stability > 0
+    lost = np.zeros_like(stable)
+    if loss is not None and loss.volume_ratio is not None and loss.difference is not None:
+        # from the fold of the volume on volumes fall
+        k = int(np.argmax(V)) + int(np.sum(V[np.argmax(V) :] > loss.volume_ratio))
+        V, p = np.insert(V, k, loss.volume_ratio), np.insert(p, k, loss.difference)
+        stable, lost = np.insert(stable, k, stable[max(k - 1, 0)]), np.arange(V.size) >= k
+        stable &= np.arange(V.size) <= k
     with style():
         ax = axes_or_new(ax, ONE)
         ax.plot(V, np.where(stable, p, np.nan), color=BLUE, label="dimple, stable at held volume")
-        if not np.all(stable):
+        if np.any(lost):
+            ax.plot(V[lost], p[lost], color=ORANGE, linestyle=(0, (1, 1.5)), label="not round")
+        unstable = ~stable & ~lost
+        if np.any(unstable):
             # a dashed stretch begins at the last stable state, so that the line has no gap
-            edge = ~stable
-            edge[1:] |= ~stable[:-1]
-            edge[:-1] |= ~stable[1:]
+            edge = unstable.copy()
+            edge[1:] |= unstable[:-1]
+            edge[:-1] |= unstable[1:]
             ax.plot(V, np.where(edge, p, np.nan), color=BLUE, linestyle=(0, (3, 2)), linewidth=1.0, label="unstable")
         if threshold is not None and int(threshold.outcome) == Outcome.OK:
             top, at = float(threshold.difference), float(threshold.volume_ratio)
@@ -65,9 +75,10 @@ def deflation(
                 ax.plot(*places, marker, color=VERMILION, markerfacecolor="white", label=words)
         if maxwell is not None and maxwell.outcome == Outcome.OK:
             ax.plot([maxwell.volume_ratio], [maxwell.difference], "*", color=GREEN, markersize=8, label="Maxwell point")
-        if loss is not None and loss.volume_ratio is not None and loss.difference is not None:
-            words = f"not round below: m = {loss.order}"
-            ax.plot([loss.volume_ratio], [loss.difference], "P", color=ORANGE, markersize=8, label=words)
+        if loss is not None and loss.volume_ratio is None:
+            ax.plot([], [], " ", label=f"{loss.words} V/V₀ = {loss.checked:.3f}")
+        elif loss is not None and loss.volume_ratio is not None and loss.difference is not None:
+            ax.plot([loss.volume_ratio], [loss.difference], "P", color=ORANGE, markersize=8, label=loss.words)
         if branch.outcome == Outcome.CONTACT:
             ax.plot(V[-1:], p[-1:], "X", color=ORANGE, label="wall touches itself")
         ax.set_xlim(min(0.28, V.min() - 0.02), 1.01)

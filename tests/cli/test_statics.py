@@ -63,6 +63,18 @@ def test_the_branch_in_json_and_as_a_picture(monkeypatch, tmp_path):
         assert min(drawn.size) > 300
 
 
+@pytest.mark.slow
+def test_the_branch_says_how_far_it_is_round(monkeypatch):
+    words = ["branch", "--preset", "R", "--elements", str(ELEMENTS), "--lowest", "0.6", "--symmetry"]
+    loss = answer(monkeypatch, *words)["symmetry_loss"]
+    assert loss["V_over_V0"] is None
+    assert loss["outcome"] == "ok"
+    assert loss["checked_V_over_V0"] == pytest.approx(0.6, abs=0.05)
+    shown = runner.invoke(app, words).stdout
+    line = next(line for line in shown.splitlines() if line.startswith(loss["words"]))
+    assert f"{loss['checked_V_over_V0']:.5g}" in line
+
+
 def test_a_picture_of_no_format_is_refused_before_the_work(monkeypatch, tmp_path):
     words = ("branch", "--preset", "R", "--plot", tmp_path / "branch.xyz")
     assert answer(monkeypatch, *words, code=2)["error"]["place"] == "--plot"

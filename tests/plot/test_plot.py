@@ -15,7 +15,7 @@ from jshell.calibration import Estimate, FitResult, fit_trajectories
 from jshell.contour import area, dimple, meridian, volume
 from jshell.dynamics.vibrations import Modes
 from jshell.errors import BadName, BadShape, BadValue, MissingExtra, NotOk, Outcome
-from jshell.membrane import RestShape
+from jshell.membrane import Branch, RestShape, SymmetryLoss
 from jshell.oscillator import SOURCE, squared_frequencies
 from jshell.plot.shapes import outline
 from jshell.plot.traces import two_modes
@@ -270,3 +270,35 @@ def test_the_overview_has_its_six_panels_and_is_written(tmp_path):
         assert plot.save(figure, tmp_path / f"page.{ending}").stat().st_size > 10_000
     with pytest.raises(BadName):
         plot.save(figure, tmp_path / "page.bmp")
+
+
+def _branch() -> Branch:
+    """Down a branch that turns back in volume once and is stable from there on."""
+    V = np.array([0.96, 0.97, 0.98, 0.9, 0.8, 0.7, 0.6])
+    p, held = np.linspace(0.04, 0.01, 7), np.array([-1.0, -1.0, 1.0, 1.0, 1.0, 1.0, 1.0])
+    shapes = np.zeros((7, 1))
+    return Branch(V, V, p, p, p, held, held, V, V, (), Outcome.OK, shapes, shapes, meridian(8))
+
+
+def test_a_branch_is_dotted_from_where_it_is_no_longer_round():
+    branch = _branch()
+    axes = plot.deflation(branch, loss=SymmetryLoss(0.75, 0.017, 4, 0.75, Outcome.OK))
+    lines = {line.get_label(): line for line in axes.lines}
+    kept, lost, unstable = lines["dimple, stable at held volume"], lines["not round"], lines["unstable"]
+    assert list(lost.get_xdata()) == [0.75, 0.7, 0.6]
+    seen = np.isfinite(kept.get_ydata())
+    assert list(kept.get_xdata()[seen]) == [0.98, 0.9, 0.8, 0.75]
+    assert kept.get_ydata()[seen][-1] == lost.get_ydata()[0] == 0.017
+    assert list(unstable.get_xdata()[np.isfinite(unstable.get_ydata())]) == [0.96, 0.97, 0.98]
+    assert list(lines["loss of symmetry, m = 4"].get_xdata()) == [0.75]
+
+
+@pytest.mark.parametrize(
+    ("outcome", "words"),
+    [(Outcome.OK, "round to the end, at"), (Outcome.NOT_CONVERGED, "round, not followed beyond")],
+)
+def test_a_branch_that_is_round_as_far_as_seen_says_how_far(outcome, words):
+    axes = plot.deflation(_branch(), loss=SymmetryLoss(None, None, None, 0.6, outcome))
+    labels = [line.get_label() for line in axes.lines]
+    assert f"{words} V/V₀ = 0.600" in labels
+    assert "not round" not in labels
