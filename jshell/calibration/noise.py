@@ -117,7 +117,7 @@ def runs_from(above: Any, changes: Any, total: Any) -> Any:
 def peak_chance(left: np.ndarray, axis: int = -1) -> Any:
     """Chance of the largest share that one frequency takes of the power (Fisher's g), along an axis."""
     length = left.shape[axis]
-    waves = np.asarray(scipy.fft.rfft(left, axis=axis))
+    waves: Any = scipy.fft.rfft(left, axis=axis)
     waves = np.moveaxis(waves, axis, 0)[1 : (length + 1) // 2]  # without the mean
     power = waves.real**2
     power += waves.imag**2
