@@ -97,7 +97,7 @@ def recording(
     sigma = None
     if all(name in trace.sigma for name in listed):
         sigma = np.array([float(np.median(np.asarray(trace.sigma[name]))) for name in listed]) * factor
-    known = _header(trace, si)
+    known = header(trace, si)
     return Recording(
         number, listed, np.asarray(plain.times), values, sigma, _rough_noise(values),
         seen.level, seen.Omega, seen.tau, seen.verdict, known, si, trace,
@@ -145,7 +145,7 @@ def _units(trace: Trace, si: bool) -> tuple[float, float]:
     return 1.0, 1.0
 
 
-def _header(trace: Trace, si: bool) -> dict[str, float]:
+def header(trace: Trace, si: bool) -> dict[str, float]:
     """The shell of the header, by the names of unknowns."""
     c = trace.conditions
     pad = {"pad": trace.attached} if trace.attached else {}
