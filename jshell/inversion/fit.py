@@ -36,6 +36,7 @@ LAST_STEPS = 60  # of the best of them, where it did not come to rest
 HEARD = 20.0  # of χ², that a further mode must take: two amplitudes fitted to noise take 2
 ROUNDS = 5  # of noise and minimum
 NEAR = 9.0  # of χ²: two minima nearer than this cannot be told apart
+SAME = 0.04  # squared standard errors within which two ends are one minimum
 APART = 5.0  # standard errors between them that make them two
 Settled = tuple[Ending, list[Weighing], list[list[Noise]]]
 
@@ -124,7 +125,7 @@ def invert(
     best, weighings, noises = _settled(model, endings[0], first)
     untried = begun[len(endings) :]
     if len(untried) and misfits(model, best.lefts, noises):
-        others, better = _others(model, untried, first)
+        others, better = _others(model, untried, first, endings)
         if better:
             best, weighings, noises = better
             endings = [others.pop(), *endings]  # the last that was tried
@@ -195,17 +196,28 @@ def _from_starts(model: Model, begun: np.ndarray, weighings: Sequence[Weighing])
     return sorted(endings, key=_rank)
 
 
-def _others(model: Model, begun: np.ndarray, weighings: list[Weighing]) -> tuple[list[Ending], Settled | None]:
+def _others(
+    model: Model, begun: np.ndarray, weighings: list[Weighing], before: Sequence[Ending]
+) -> tuple[list[Ending], Settled | None]:
     """Where less promising starts end, after the best minimum left a misfit; and the first that leaves none."""
     endings: list[Ending] = []
     for u in begun:
         ending = _brought_to_rest(model, [minimise(model, u, weighings, max_steps=40, legs=3)], weighings)[0]
+        known = any(_same(one, ending) for one in (before[0], *endings))
         endings.append(ending)
-        if ending.outcome in (Outcome.OK, Outcome.AT_BOUND):
+        if ending.outcome in (Outcome.OK, Outcome.AT_BOUND) and not known:
             settled = _settled(model, ending, weighings)
             if not misfits(model, settled[0].lefts, settled[2]):
                 return endings, settled
     return endings, None
+
+
+def _same(one: Ending, other: Ending) -> bool:
+    """Whether two starts ended in one minimum: nearer to each other than a fifth of their standard errors."""
+    if not (np.isfinite(one.cost) and np.isfinite(other.cost)) or one.outcome != other.outcome:
+        return False
+    away = other.u - one.u
+    return bool(away @ information(one) @ away < SAME)
 
 
 def _brought_to_rest(model: Model, endings: list[Ending], weighings: Sequence[Weighing]) -> list[Ending]:
@@ -266,9 +278,11 @@ def _rivals(model: Model, best: Ending, endings: Sequence[Ending], weighings: Se
     """Other minima that describe the recordings as well."""
     found = []
     weight = information(best)
-    for other in endings:
+    for k, other in enumerate(endings):
         away = other.u - best.u
         if not np.isfinite(other.cost) or away @ weight @ away < APART**2:
+            continue
+        if any(_same(one, other) for one in endings[:k]):
             continue
         again = minimise(model, other.u, weighings, max_steps=20, legs=2)
         away = again.u - best.u
