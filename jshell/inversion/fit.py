@@ -16,7 +16,7 @@ import numpy as np
 
 from jshell.calibration import Prior
 from jshell.calibration.noise import Noise
-from jshell.errors import NotOk, Outcome, choose
+from jshell.errors import BadValue, NotOk, Outcome, choose
 from jshell.inversion.exact import corrected
 from jshell.inversion.model import ELEMENTS, Model, Weighing
 from jshell.inversion.noise import described, examined, first_weighing, misfits, reweighed
@@ -101,6 +101,12 @@ def invert(
     given = _per_recording(known or {}, len(listed))
     si = _in_si(listed, {*asked, *given[0]})
     asked = dict(asked) if isinstance(asked, Mapping) else dict.fromkeys(asked)
+    for name in asked:
+        if any(name in one for one in given):
+            raise BadValue(
+                name, found="both known and asked", expected="one of the two",
+                remedy="Leave one out; what is known of something asked is a prior.",
+            )  # fmt: skip
     if level != "modal":
         snap = Snap() if isinstance(level, str) else level
         window = None if start is None else float(start), None if stop is None else float(stop)
@@ -116,7 +122,11 @@ def invert(
 
     begun, promising = starts(records, whole)
     if begin is not None:
-        begun = np.concatenate([whole.to_u(np.array([[begin[n] for n in whole.names]])), begun])
+        for name in begin:
+            choose("begin", name, whole.names, noun="unknown")
+        usual = whole.to_values(begun[0] if len(begun) else 0.5 * (whole.to_u(whole.low) + whole.to_u(whole.high)))
+        at = [begin.get(name, value) for name, value in zip(whole.names, usual, strict=True)]
+        begun = np.concatenate([whole.to_u(np.array([at])), begun])
         promising += 1
     endings = _brought_to_rest(model, _from_starts(model, begun[:promising], weighings), weighings)
     if endings[0].outcome not in (Outcome.OK, Outcome.AT_BOUND):
@@ -166,6 +176,12 @@ def _finished(result: Inversion, throw: bool) -> Inversion:
 
 def _per_recording(known: Mapping[str, Any], count: int) -> list[dict[str, float]]:
     """What is said to be known, of every recording."""
+    for name, value in known.items():
+        if np.ndim(value) and np.shape(value) != (count,):
+            raise BadValue(
+                f"known {name!r}", found=f"{np.size(value)} values", expected=f"one, or one for each of {count} traces",
+                remedy="Give as many.",
+            )  # fmt: skip
     pick = lambda value, k: float(np.broadcast_to(np.asarray(value, dtype=float), (count,))[k])  # noqa: E731
     return [{name: pick(value, k) for name, value in known.items()} for k in range(count)]
 
