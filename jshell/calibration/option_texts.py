@@ -76,7 +76,7 @@ def read_span(text: str, place: str) -> tuple[float, float]:
 def _named(text: str, place: str) -> tuple[str, str]:
     name, _, value = text.partition("=")
     if not name.strip() or not value.strip():
-        raise BadValue(place, found=repr(text), expected="NAME=…", remedy="See jshell fit --help.")
+        raise BadValue(place, found=repr(text), expected="NAME=…", remedy=f"Write {place} NAME=… with one of them.")
     return spelled(name), value.strip()
 
 
@@ -105,7 +105,10 @@ def _relative(text: str, place: str) -> tuple[str, float | None]:
 
 def _prior(text: str, place: str) -> tuple[str, Prior]:
     name, value = _named(text, place)
-    mean, sigma = read_span(value, place)
+    try:
+        mean, sigma = map(float, value.split(":"))
+    except ValueError:
+        mean = sigma = math.nan
     if not (math.isfinite(mean) and math.isfinite(sigma)):
-        raise BadValue(place, found=repr(text), expected="NAME=MEAN:ERROR", remedy=f"Write {place} alpha2=0.85:0.05")
+        raise BadValue(place, found=repr(text), expected="NAME=MEAN:ERROR", remedy=f"Write {place} {name}=0.85:0.05")
     return name, Prior(mean, sigma)

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from jshell.calibration import Prior
-from jshell.errors import NotOk, Outcome, choose
+from jshell.errors import BadValue, NotOk, Outcome, choose
 from jshell.inversion.exact import corrected
 from jshell.inversion.model import ELEMENTS, Model, Weighing
 from jshell.inversion.noise import described, examined, first_weighing, misfits, reweighed
@@ -35,6 +35,7 @@ LAST_STEPS = 60  # of the best of them, where it did not come to rest
 HEARD = 20.0  # of χ², that a further mode must take: two amplitudes fitted to noise take 2
 ROUNDS = 5  # of noise and minimum
 NEAR = 9.0  # of χ²: two minima nearer than this cannot be told apart
+SAME = 0.04  # squared standard errors within which two ends are one minimum
 APART = 5.0  # standard errors between them that make them two
 
 
@@ -98,6 +99,12 @@ def invert(
     given = _per_recording(known or {}, len(listed))
     si = _in_si(listed, {*asked, *given[0]})
     asked = dict(asked) if isinstance(asked, Mapping) else dict.fromkeys(asked)
+    for name in asked:
+        if any(name in one for one in given):
+            raise BadValue(
+                name, found="both known and asked", expected="one of the two",
+                remedy="Leave one out; what is known of something asked is a prior.",
+            )  # fmt: skip
     if level != "modal":
         snap = Snap() if isinstance(level, str) else level
         window = None if start is None else float(start), None if stop is None else float(stop)
@@ -113,7 +120,11 @@ def invert(
 
     begun, promising = starts(records, whole)
     if begin is not None:
-        begun = np.concatenate([whole.to_u(np.array([[begin[n] for n in whole.names]])), begun])
+        for name in begin:
+            choose("begin", name, whole.names, noun="unknown")
+        usual = whole.to_values(begun[0] if len(begun) else 0.5 * (whole.to_u(whole.low) + whole.to_u(whole.high)))
+        at = [begin.get(name, value) for name, value in zip(whole.names, usual, strict=True)]
+        begun = np.concatenate([whole.to_u(np.array([at])), begun])
         promising += 1
     endings = _brought_to_rest(model, _from_starts(model, begun[:promising], weighings), weighings)
     if endings[0].outcome not in (Outcome.OK, Outcome.AT_BOUND):
@@ -122,7 +133,7 @@ def invert(
     best, weighings, noises = _settled(model, endings[0], first)
     untried = begun[len(endings) :]
     if len(untried) and misfits(model, best.projections, noises):
-        others, better = _others(model, untried, first)
+        others, better = _others(model, untried, first, endings)
         if better:
             best, weighings, noises = better
             endings = [others.pop(), *endings]  # the last that was tried
@@ -163,6 +174,12 @@ def _finished(result: Inversion, throw: bool) -> Inversion:
 
 def _per_recording(known: Mapping[str, Any], count: int) -> list[dict[str, float]]:
     """What is said to be known, of every recording."""
+    for name, value in known.items():
+        if np.ndim(value) and np.shape(value) != (count,):
+            raise BadValue(
+                f"known {name!r}", found=f"{np.size(value)} values", expected=f"one, or one for each of {count} traces",
+                remedy="Give as many.",
+            )  # fmt: skip
     pick = lambda value, k: float(np.broadcast_to(np.asarray(value, dtype=float), (count,))[k])  # noqa: E731
     return [{name: pick(value, k) for name, value in known.items()} for k in range(count)]
 
@@ -193,17 +210,28 @@ def _from_starts(model: Model, begun: np.ndarray, weighings: Sequence[Weighing])
     return sorted(endings, key=_rank)
 
 
-def _others(model: Model, begun: np.ndarray, weighings: list[Weighing]) -> tuple[list[SearchResult], Settled | None]:
+def _others(
+    model: Model, begun: np.ndarray, weighings: list[Weighing], before: Sequence[SearchResult]
+) -> tuple[list[SearchResult], Settled | None]:
     """Where less promising starts end, after the best minimum left a misfit; and the first that leaves none."""
     endings: list[SearchResult] = []
     for u in begun:
         ending = _brought_to_rest(model, [minimise(model, u, weighings, max_steps=40, legs=3)], weighings)[0]
+        known = any(_same(one, ending) for one in (before[0], *endings))
         endings.append(ending)
-        if ending.outcome in (Outcome.OK, Outcome.AT_BOUND):
+        if ending.outcome in (Outcome.OK, Outcome.AT_BOUND) and not known:
             settled = _settled(model, ending, weighings)
             if not misfits(model, settled.best.projections, settled.noises):
                 return endings, settled
     return endings, None
+
+
+def _same(one: SearchResult, other: SearchResult) -> bool:
+    """Whether two starts ended in one minimum: nearer to each other than a fifth of their standard errors."""
+    if not (np.isfinite(one.cost) and np.isfinite(other.cost)) or one.outcome != other.outcome:
+        return False
+    away = other.u - one.u
+    return bool(away @ information(one) @ away < SAME)
 
 
 def _brought_to_rest(model: Model, endings: list[SearchResult], weighings: Sequence[Weighing]) -> list[SearchResult]:
@@ -268,9 +296,11 @@ def _rivals(
     """Other minima that describe the recordings as well."""
     found = []
     weight = information(best)
-    for other in endings:
+    for k, other in enumerate(endings):
         away = other.u - best.u
         if not np.isfinite(other.cost) or away @ weight @ away < APART**2:
+            continue
+        if any(_same(one, other) for one in endings[:k]):
             continue
         again = minimise(model, other.u, weighings, max_steps=20, legs=2)
         away = again.u - best.u

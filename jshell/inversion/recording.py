@@ -85,9 +85,10 @@ def recording(
     if plain.times.size < FEWEST:
         raise UnusableData(
             f"trace {number}",
-            found=f"{plain.times.size} samples",
+            found=f"{plain.times.size} samples in the window, of {times.size} from {times[0]:.4g} to {times[-1]:.4g}"
+            + (" s" if si else ""),
             expected=f"at least {FEWEST}",
-            remedy="Widen the window.",
+            remedy="Widen the window by start and stop, or record longer.",
         )
     if start is None:
         begin = _ring_down(plain, listed)
@@ -97,7 +98,7 @@ def recording(
     sigma = None
     if all(name in trace.sigma for name in listed):
         sigma = np.array([float(np.median(np.asarray(trace.sigma[name]))) for name in listed]) * factor
-    known = _header(trace, si)
+    known = header(trace, si)
     return Recording(
         number, listed, np.asarray(plain.times), values, sigma, _rough_noise(values),
         seen.level, seen.Omega, seen.tau, seen.verdict, known, si, trace,
@@ -117,16 +118,17 @@ def channels_of(
     listed = tuple(channels or (name for name in CHANNELS[:4] if name in trace.channels))
     for name in listed:
         if name not in CHANNELS or name not in trace.channels:
+            there = [one for one in CHANNELS if one in trace.channels]
             raise BadName(
                 f"channel {name!r}",
-                found="no such channel",
-                expected="one of " + ", ".join(CHANNELS),
-                remedy="Choose one.",
+                found=f"no such channel in trace {number}",
+                expected="one of " + ", ".join(there or CHANNELS),
+                remedy="Choose one." if there else "Name the columns by what they are, such as --columns H=A.",
             )
     if not listed:
         raise BadName(
             f"trace {number}", found="channels " + ", ".join(trace.channels), expected="one of " + ", ".join(CHANNELS),
-            remedy="Name the columns by what they are.",
+            remedy="Name the columns by what they are, in the terminal by --columns H=A.",
         )  # fmt: skip
     time, length = _units(trace, si)
     times = np.asarray(trace.times, dtype=float) * time
@@ -145,7 +147,7 @@ def _units(trace: Trace, si: bool) -> tuple[float, float]:
     return 1.0, 1.0
 
 
-def _header(trace: Trace, si: bool) -> dict[str, float]:
+def header(trace: Trace, si: bool) -> dict[str, float]:
     """The shell of the header, by the names of unknowns."""
     c = trace.conditions
     pad = {"pad": trace.attached} if trace.attached else {}

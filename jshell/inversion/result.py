@@ -84,6 +84,7 @@ class Inversion(Fit):
         rows["units"] = {one.name: unit for one, unit in zip(self.estimates, self.units, strict=True)}
         rows["intervals"] = {name: [finite(x) for x in self.interval(name)] for name in self.varied}
         rows["noise"] = [one.words() for one in self.noise]
+        rows["advice"] = self.advice
         return rows
 
     def interval(self, name: str, level: float | int = 0.95) -> tuple[float, float]:

@@ -117,8 +117,9 @@ def _whole(trace: Trace, number: int, question: Question) -> tuple[Recording, fl
     inside = (times >= (-np.inf if low is None else low)) & (times <= (np.inf if high is None else high))
     if inside.sum() < FEWEST:
         raise UnusableData(
-            f"trace {number}", found=f"{inside.sum()} samples", expected=f"at least {FEWEST}",
-            remedy="Widen the window.",
+            f"trace {number}",
+            found=f"{inside.sum()} samples in the window, of {times.size} from {times[0]:.4g} to {times[-1]:.4g}",
+            expected=f"at least {FEWEST}", remedy="Widen the window by start and stop, or record longer.",
         )  # fmt: skip
     times, values = times[inside], values[:, inside]
     begin = after_snap(Trace(times, dict(zip(listed, values, strict=True))), listed)

@@ -67,6 +67,14 @@ POWERS = {
     "outer_pressure": {"outer_pressure": 1.0, "radius": 1.0, "youngs_modulus": -1.0, "thickness": -1.0},
     "viscosity": {"viscosity": 1.0, "youngs_modulus": -0.5, "thickness": -0.5, "density": -0.5, "radius": -0.5},
 }
+SYMBOLS = {  # what else they are called
+    "E": "youngs_modulus", "d": "thickness", "d_hat": "thickness", "R": "radius", "R0": "radius", "P0": "gas_pressure",
+    "P0_hat": "gas_pressure", "Pext": "outer_pressure", "P_ext": "outer_pressure", "Pext_hat": "outer_pressure",
+    "rho": "density", "eta": "viscosity", "eta_hat": "viscosity", "nu": "poisson_ratio", "attached": "pad",
+}  # fmt: skip
+THICKEST = 0.5  # of the radius: beyond, the wall is no shell
+NEVER_ZERO = ("radius", "thickness", "youngs_modulus", "gas_pressure", "outer_pressure", "density")
+POSSIBLE = {"kappa": (1.0, 2.0), "poisson_ratio": (-1.0, 0.5), "pad": (0.0, 1.5), "weak_spot": (0.0, 0.9)}
 TIME = {"density": 0.5, "radius": 1.5, "youngs_modulus": -0.5, "thickness": -0.5}
 LENGTH = {"radius": 1.0}
 
@@ -199,12 +207,17 @@ def space(
     asked = {
         n: as_unknown(n, w) for n, w in (unknown if isinstance(unknown, Mapping) else dict.fromkeys(unknown)).items()
     }
-    hint = "With units: " + ", ".join(SI) + "." if si else "Without units: " + ", ".join(PLAIN) + "."
     for name in (*asked, *local, *(n for one in known for n in one)):
-        choose("unknown", name, table, noun="number of a shell", remedy=hint)
+        hint = f"Write {SYMBOLS[name]}." if SYMBOLS.get(name) in table else "Choose one."
+        choose(
+            "unknown", name, table, noun="number of a shell " + ("with units" if si else "without units"), remedy=hint
+        )
     if not asked:
         raise BadValue(
-            "unknown", found="nothing", expected="a number to find", remedy='Write unknown=("youngs_modulus",).'
+            "unknown",
+            found="nothing",
+            expected="a number to find",
+            remedy='Write unknown=("youngs_modulus",), in the terminal --unknown youngs_modulus.',
         )
     for name in set(local) - set(asked):
         raise BadName(
@@ -221,9 +234,10 @@ def space(
             if name not in asked and name not in numbers:
                 raise BadValue(
                     name, found="nothing", expected=f"its value [{table[name].unit}], or its name among the unknowns",
-                    remedy=f"Write known={{'{name}': …}}.",
+                    remedy=f"Write known={{'{name}': …}}, in the terminal --known {name}=…, or ask for it.",
                 )  # fmt: skip
         whole.append({n: float(v) for n, v in numbers.items() if n not in asked})
+        _check(whole[-1], table)
     low = np.array([table[plain(n)].low if one.low is None else one.low for n, one in rows])
     high = np.array([table[plain(n)].high if one.high is None else one.high for n, one in rows])
     for (name, one), a, b in zip(rows, low, high, strict=True):
@@ -236,6 +250,28 @@ def space(
             raise BadValue(name, found=f"prior {mean:g}", expected=f"{a:g} to {b:g}", remedy="Widen the bounds.")
     priors, extra = (tuple(getattr(one, field) for _, one in rows) for field in ("prior", "nuisance"))
     return Space(tuple(n for n, _ in rows), low, high, priors, si, tuple(whole), extra)
+
+
+def _check(known: Mapping[str, float], table: Mapping[str, Number]) -> None:
+    """Refuse what no shell can have.
+
+    Raises:
+        BadValue: A number outside its meaning, such as one in another unit.
+    """
+    for name, value in known.items():
+        low, high = POSSIBLE.get(name, (0.0, np.inf))
+        if not (low <= value <= high and np.isfinite(value)) or (value == 0 and name in NEVER_ZERO):
+            between = "a number above 0" if name in NEVER_ZERO else f"a number from {low:g} to {high:g}"
+            raise BadValue(name, found=f"{value:g}", expected=f"{between} [{table[name].unit}]", remedy="Correct it.")
+    ratio = known.get("thickness", 0.0) / known.get("radius", 1.0 if "radius" not in table else np.inf)
+    if ratio > THICKEST:
+        words = f"thickness {known['thickness']:g}" + (
+            f" m at radius {known['radius']:g} m" if "radius" in known else ""
+        )
+        raise BadValue(
+            "thickness", found=words, expected=f"at most {THICKEST:g} of the radius",
+            remedy="Write lengths in m." if "radius" in table else "Write thickness over radius.",
+        )  # fmt: skip
 
 
 def as_unknown(name: str, written: Any) -> Unknown:

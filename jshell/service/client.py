@@ -7,7 +7,7 @@ Idempotency-Key, so that it is one job; a full queue is waited for.
 import json
 import os
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -43,7 +43,7 @@ class Job:
     Attributes:
         client: Where it is.
         id: Its name.
-        kind: `fit`, `batch`, `simulate` or `modes`.
+        kind: `fit`, `batch`, `simulate`, `modes` or `invert`.
         state: `queued`, `running`, `done`, `failed` or `cancelled`.
         progress: Part that is done, 0 to 1.
         specification: What was asked.
@@ -89,7 +89,7 @@ class Job:
         return self.client.cancel(self)
 
     def result(self, seconds: float | int = 600.0) -> Any:
-        """What it found, waiting for it: a `FitResult`, a `BatchResult`, a `Trace`, or a row per mode.
+        """What it found, waiting for it: a `FitResult`, a `BatchResult`, a `Trace`, a row per mode, or a record.
 
         Raises:
             JshellError: The error with which it failed.
@@ -171,9 +171,13 @@ class Client(Asking):
             key: Your own name for this request; sent again, it is the same job.
             **options: As in `fit`.
         """
+        words = sending.fit_options(options) | {"traces": self._uploaded(traces)}
+        return self._told_job("POST", "/fits", json=words, key=key)
+
+    def _uploaded(self, traces: Data | Sequence[Data]) -> list[str]:
+        """Identifiers of traces, handed in where they are not yet."""
         listed = [traces] if isinstance(traces, str | Path | Trace) else list(traces)
-        ids = [one if sending.is_id(one) else self.upload(one) for one in listed]
-        return self._told_job("POST", "/fits", json=sending.fit_options(options) | {"traces": ids}, key=key)
+        return [str(one) if sending.is_id(one) else self.upload(one) for one in listed]
 
     def fit_batch(
         self, traces: Recordings | Sequence[Trace] | str | Path, *, seconds: float | int = 3600.0, **options: Any
@@ -251,6 +255,30 @@ class Client(Asking):
         asked = sending.numbers(conditions)
         return self._told_job("POST", "/modes", json=asked | sending.plain(options)).result(seconds)
 
+    def invert(
+        self,
+        traces: Data | Sequence[Data],
+        unknown: Iterable[str] | Mapping[str, Any],
+        known: Mapping[str, float | int] | None = None,
+        *,
+        seconds: float | int = 600.0,
+        **options: Any,
+    ) -> dict[str, Any]:
+        """What shell ring-downs are of, asked there, as `jshell.invert` does.
+
+        Args:
+            traces: As in `fit`.
+            unknown: What is asked: names, or names with None, bounds (low, high), a `Prior` or an `Unknown`.
+            known: What is known, over the traces' headers.
+            seconds: Longest time to wait.
+            **options: `local`, `channels`, `start`, `stop`, `free_rest`, `nuisance`, `exact`, `elements`.
+
+        Returns:
+            What `jshell.inversion.Inversion.record` says.
+        """
+        words = sending.question(unknown, known, options) | {"traces": self._uploaded(traces)}
+        return self._told_job("POST", "/inversions", json=words).result(seconds)
+
     def upload(self, trace: Data, conditions: Mapping[str, float] | None = None, **said: Any) -> str:
         """Hand a trace in; the same bytes are kept once.
 
@@ -292,7 +320,7 @@ class Client(Asking):
         return self._told_job("DELETE", f"/{PLURAL[kind]}/{id}")
 
     def result(self, job: Job | str, kind: str = "fit") -> Any:
-        """What a job that is done found: `FitResult`, `BatchResult`, `Trace`, or a row per mode.
+        """What a job that is done found: `FitResult`, `BatchResult`, `Trace`, a row per mode, or an inversion's record.
 
         Raises:
             JshellError: There is no such job, or it has no result.
@@ -303,6 +331,8 @@ class Client(Asking):
         if kind == "modes":
             kind_of = lambda row: OrderMode if "azimuth" in row else Mode  # noqa: E731
             return self._told(lambda rows: tuple(kind_of(row)(**row) for row in rows), "GET", f"/modes/{id}.json")
+        if kind == "invert":
+            return self._told(dict, "GET", f"/inversions/{id}.json")
         content = self._send("GET", f"/{PLURAL[kind]}/{id}.json").content
         file = NamedBytes("record.json", content)
         return load(file) if kind == "fit" else io.read_trace(file)

@@ -17,7 +17,7 @@ from jshell.service.kinds import PLURAL
 from jshell.service.problems import Refused
 from jshell.service.replies import JobOut, finite
 from jshell.service.safety import neutral_csv
-from jshell.service.schemas import Conditions, FilmOptions, FitRequest, ModesRequest, SimulateRequest
+from jshell.service.schemas import Conditions, FilmOptions, FitRequest, InvertRequest, ModesRequest, SimulateRequest
 from jshell.service.store import JobRow, Store
 from jshell.trace import Trace
 
@@ -28,6 +28,7 @@ FILES = {  # by suffix; table and report of a batch are made of its record when 
     "modes": {"json": "modes.json", "csv": "modes.csv"},
     "look": {"json": "look.json", "png": "frame.png"},
     "film": {"json": "film.json", "csv": "trace.csv", "nc": "outlines.nc", "png": "overlay.png"},
+    "invert": {"json": "inversion.json", "csv": "table.csv", "txt": "report.txt"},
 }
 MEDIA = {
     "json": "application/json",
@@ -128,6 +129,11 @@ def film_specification(asked: FilmOptions, grid: bool) -> dict[str, Any]:
     return asked.model_dump(mode="json", exclude_defaults=True) | ({"grid": True} if grid else {})
 
 
+def invert_specification(asked: InvertRequest) -> dict[str, Any]:
+    """What a worker is asked to invert: only what differs from the usual."""
+    return asked.model_dump(mode="json", exclude={"traces"}, exclude_defaults=True)
+
+
 def _conditions(asked: Conditions) -> dict[str, float]:
     return {name: getattr(asked, name) for name in Conditions.model_fields}
 
@@ -172,6 +178,11 @@ def film_found(store: Store, job: JobRow) -> dict[str, Any]:
     return json.loads(store.result(job.id, FILES[job.kind]["json"]))
 
 
+def inverted(store: Store, job: str) -> dict[str, Any]:
+    """What an inversion that is done found, as `jshell.inversion.Inversion.record` says it."""
+    return json.loads(store.result(job, "inversion.json"))
+
+
 def profile_of(store: Store, job: JobRow) -> Mapping[str, Any] | None:
     """Profile intervals, where they were asked for."""
     if not job.specification.get("profile"):
@@ -200,6 +211,11 @@ def film_shown(store: Store, job: JobRow) -> dict[str, Any]:
     return shown(job) | {"result": finite(film_found(store, job)) if job.state == "done" else None}
 
 
+def inversion_shown(store: Store, job: JobRow) -> dict[str, Any]:
+    """An inversion with its result, as the API shows it; fields of `InversionOut`."""
+    return shown(job) | {"result": finite(inverted(store, job.id)) if job.state == "done" else None}
+
+
 def summary(store: Store, job: JobRow) -> str:
     """What came of a job, in a few words; empty while nothing has."""
     if job.state == "failed" and job.error is not None:
@@ -223,6 +239,9 @@ def summary(store: Store, job: JobRow) -> str:
             seen = film_found(store, job)
             heard = [seen["signature"].get(name) for name in ("f_minus_Hz", "f_plus_Hz")]
             return f"{seen['frames']} frames, " + ", ".join("–" if f is None else f"{f:.4g} Hz" for f in heard)
+        if job.kind == "invert":
+            told = inverted(store, job.id)
+            return f"{told['outcome'].replace('_', ' ')}: {', '.join(told['varied'])}"
     except JshellError as error:
         return str(error)
     return "trace"

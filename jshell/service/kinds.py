@@ -7,4 +7,5 @@ PLURAL = {
     "modes": "modes",
     "look": "looks",
     "film": "films",
+    "invert": "inversions",
 }

@@ -103,6 +103,12 @@ class FilmOut(JobOut):
     result: dict[str, Any] | None = None
 
 
+class InversionOut(JobOut):
+    """An inversion, with its result where there is one; its fields are those of `jshell.inversion.Inversion.record`."""
+
+    result: dict[str, Any] | None = None
+
+
 class TracePage(BaseModel):
     """Traces, the latest first."""
 

@@ -24,6 +24,8 @@ from typing_extensions import TypedDict  # pydantic needs this one below Python 
 from jshell.calibration.options import CONDITIONS, CONSTANTS, OPTIONS, choices_of, default_of, words_of
 from jshell.calibration.parameters import Expression
 from jshell.errors import BadValue
+from jshell.inversion.response import CHANNELS
+from jshell.inversion.unknowns import SI
 from jshell.membrane.stability import HIGHEST_ORDER
 from jshell.shell.presets import R
 
@@ -47,7 +49,7 @@ Around = Annotated[Whole, Field(ge=0, le=HIGHEST_ORDER)]
 Pixel = Annotated[Whole, Field(ge=0, le=10**6)]
 Degrees = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0, le=180)]
 State = Literal["queued", "running", "done", "failed", "cancelled"]
-JobKind = Literal["fit", "batch", "simulate", "modes", "look", "film"]
+JobKind = Literal["fit", "batch", "simulate", "modes", "look", "film", "invert"]
 
 
 def _closed(schema: dict[str, Any]) -> None:
@@ -215,6 +217,50 @@ class ModesRequest(Conditions):
             raise ValueError("the exact liquid is known for order 0 only; second is the best for others")
         if self.count > self.elements // 4:
             raise ValueError(f"count must be at most a quarter of the elements, {self.elements // 4}")
+        return self
+
+
+OfShell = Annotated[str, StringConstraints(pattern=rf"^({'|'.join(SI)})$")]  # those without units are among them
+Channel = Annotated[str, StringConstraints(pattern=rf"^({'|'.join(CHANNELS)})$")]
+
+
+class InvertRequest(Wire):
+    """What is asked of ring-downs of one shell, as of `jshell.invert`: SI, or without units as the traces."""
+
+    traces: list[Id] = Field(min_length=1, max_length=20, description="Identifiers that POST /traces gave.")
+    unknown: list[OfShell] = Field(
+        default_factory=list, max_length=len(SI), description="What is asked, beside what has bounds or a prior."
+    )
+    known: dict[OfShell, Number] = Field(default_factory=dict, description="What is known, over the traces' headers.")
+    bounds: dict[OfShell, Bounds] = Field(default_factory=dict, description="Where something asked is looked for.")
+    priors: dict[OfShell, _PRIOR] = Field(  # pyright: ignore[reportInvalidTypeForm]
+        default_factory=dict, description="What is known of it before the data."
+    )
+    local: list[OfShell] = Field(
+        default_factory=list, max_length=len(SI), description="What every recording has for itself."
+    )
+    channels: list[Channel] | None = Field(
+        None, min_length=1, max_length=len(CHANNELS), description="Null: those of H, W, V, S that are there."
+    )
+    start: Number | None = Field(None, description="Where the ring-down begins [s, or time unit]; null: after a snap.")
+    stop: Number | None = Field(None, description="Where it ends [s, or time unit].")
+    free_rest: bool = Field(False, strict=True, description="The values where channels rest are no data.")
+    nuisance: bool | None = Field(
+        None, strict=True, description="Seek pad and weak spot too, from priors; null: where there are SI units."
+    )
+    exact: bool = Field(True, strict=True, description="Correct the answer to the exact liquid.")
+    elements: Whole = Field(20, ge=12, le=40, description="Elements of the meridian.")
+
+    @model_validator(mode="after")
+    def _asks(self) -> "InvertRequest":
+        """What `jshell.invert` refuses of any recording is refused at once."""
+        asked = {*self.unknown, *self.priors, *self.bounds}
+        if not asked:
+            raise ValueError("nothing is asked: name a number of the shell among the unknown")
+        if both := sorted(asked & set(self.known)):
+            raise ValueError(f"{', '.join(both)} cannot be known and asked; a prior says what is known of it")
+        if more := sorted(set(self.local) - asked):
+            raise ValueError(f"{', '.join(more)} can only be local where it is asked")
         return self
 
 

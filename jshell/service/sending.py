@@ -3,7 +3,7 @@
 import dataclasses
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ from jshell.calibration.options import OPTIONS, FitOptions, check_names
 from jshell.calibration.recordings import stacked
 from jshell.errors import BadValue
 from jshell.files import NamedBytes
+from jshell.inversion.unknowns import as_unknown
 from jshell.io.files import read_bytes
 from jshell.service import archives, batches
 from jshell.service.chunks import Whole
@@ -44,6 +45,25 @@ def fit_options(given: Mapping[str, Any]) -> dict[str, Any]:
         )
     record = options.record()
     return plain({name: record[name] for name in options.differing()}) | profile
+
+
+def question(
+    unknown: Iterable[str] | Mapping[str, Any], known: Mapping[str, float | int] | None, options: Mapping[str, Any]
+) -> dict[str, Any]:
+    """What is asked of an inversion, as JSON.
+
+    Raises:
+        BadValue: Something written for an unknown that it cannot be.
+    """
+    given = (
+        unknown if isinstance(unknown, Mapping) else dict.fromkeys([unknown] if isinstance(unknown, str) else unknown)
+    )
+    asked = {name: as_unknown(name, written) for name, written in given.items()}
+    found = dict(options) | {"unknown": list(asked), "known": {name: float(x) for name, x in (known or {}).items()}}
+    found["bounds"] = {n: [one.low, one.high] for n, one in asked.items() if (one.low, one.high) != (None, None)}
+    found["priors"] = {n: dataclasses.asdict(one.prior) for n, one in asked.items() if one.prior is not None}
+    found["local"] = [*dict.fromkeys([*options.get("local", ()), *(n for n, one in asked.items() if one.local)])]
+    return found
 
 
 def plain(options: Mapping[str, Any]) -> dict[str, Any]:

@@ -37,7 +37,7 @@ from jshell.service.silence import Silence
 from jshell.service.tables import CANCELLED, DONE, FAILED, QUEUED, RUNNING, STATES, heartbeats, jobs, keys, results
 from jshell.service.uploads import TraceRow, Upload
 
-KINDS = ("fit", "batch", "simulate", "modes", "look", "film")
+KINDS = ("fit", "batch", "simulate", "modes", "look", "film", "invert")
 LAST = 2  # deaths of its worker after which a job lets all the others go first
 SILENCE = 15.0  # [s] without a heartbeat after which a job is given to another
 

@@ -25,7 +25,7 @@ from jshell.files import NamedBytes
 from jshell.io.files import bytes_written
 from jshell.io.records import encode_record, plain
 from jshell.oscillator import Coefficients
-from jshell.service import batches, films
+from jshell.service import batches, films, inversions
 from jshell.service.archives import Content
 from jshell.service.log import trace_of
 from jshell.service.shape import rounded
@@ -79,7 +79,7 @@ def run(kind: str, specification: Mapping[str, Any], files: Sequence[tuple[str, 
     """Do a job.
 
     Args:
-        kind: `fit`, `batch`, `simulate`, `modes`, `look` (at a film) or `film`.
+        kind: `fit`, `batch`, `simulate`, `modes`, `look` (at a film), `film` or `invert`.
         specification: What is asked.
         files: Name and bytes of each trace, or a reference to them in a file of this machine.
     """
@@ -236,6 +236,7 @@ _TASKS: Mapping[str, Callable[[Mapping[str, Any], Files], dict[str, bytes]]] = {
     "modes": modes,
     "look": films.look,
     "film": films.film,
+    "invert": inversions.invert,
 }
 
 

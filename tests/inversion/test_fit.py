@@ -5,7 +5,7 @@ import pytest
 
 import jshell as js
 from jshell.calibration import Prior
-from jshell.errors import Outcome, UnusableData
+from jshell.errors import BadName, BadValue, Outcome, UnusableData
 
 TRUTH = {"youngs_modulus": 0.5e6, "gas_pressure": 0.5e6 * 0.15}
 
@@ -210,3 +210,23 @@ def test_a_longer_record_and_another_pressure_would_tell_more(make_recording):
         assert 0 < other.stderr[name] < now
     with pytest.raises(js.JshellError, match="unknown"):
         found.next_recording([{"gas_pressure": 1e5}])
+
+
+def test_a_question_that_contradicts_itself_is_refused(make_recording):
+    trace = make_recording()
+    with pytest.raises(BadValue, match="both known and asked"):
+        invert(trace, tuple(TRUTH), known={"gas_pressure": 1e5})
+    with pytest.raises(BadValue, match="3 values; expected one, or one for each of 2"):
+        invert([trace, trace], ("youngs_modulus",), known={"outer_pressure": [1e5, 1e5, 1e5]})
+    with pytest.raises(BadName, match="gas"):
+        invert(trace, ("youngs_modulus",), begin={"gas": 1e5})
+    with pytest.raises(UnusableData, match=r"0 samples in the window, of 300 from 0 to \d"):
+        invert(trace, ("youngs_modulus",), start=1e3)
+    with pytest.raises(BadName, match="expected one of H, W"):
+        invert(trace, ("youngs_modulus",), channels=("V",))
+
+
+def test_a_start_may_leave_out_what_nobody_asked(make_recording):
+    found = invert(make_recording(), tuple(TRUTH), begin={"youngs_modulus": 0.45e6})
+    assert found.outcome == Outcome.OK
+    assert abs(found["gas_pressure"].value - TRUTH["gas_pressure"]) < 3.5 * found["gas_pressure"].stderr

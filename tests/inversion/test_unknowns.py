@@ -68,3 +68,26 @@ def test_a_number_that_is_neither_known_nor_asked_is_named():
     known = {n: v for n, v in VALUES.items() if n not in ("radius", "youngs_modulus")}
     with pytest.raises(BadValue, match="radius"):
         space([known], ("youngs_modulus",), (), True)
+
+
+@pytest.mark.parametrize(
+    ("known", "words"),
+    [
+        ({"thickness": 5.0}, "at most 0.5 of the radius. Write lengths in m"),
+        ({"thickness": -0.005}, "a number above 0"),
+        ({"kappa": float("nan")}, "from 1 to 2"),
+        ({"poisson_ratio": 0.6}, "from -1 to 0.5"),
+        ({"density": 0.0}, "density: found 0"),
+        ({"viscosity": -1.0}, "viscosity: found -1"),
+    ],
+)
+def test_what_no_shell_can_have_is_refused(known, words):
+    numbers = {
+        "radius": 0.02, "thickness": 0.003, "gas_pressure": 1e5, "outer_pressure": 1.5e5, "density": 1e3,
+        "viscosity": 1.0,
+    }  # fmt: skip
+    space([numbers], ("youngs_modulus",), (), True)
+    with pytest.raises(BadValue, match=words):
+        space([numbers | known], ("youngs_modulus",), (), True)
+    with pytest.raises(BadName, match=r"Write youngs_modulus\.$"):
+        space([numbers], ("E",), (), True)

@@ -17,6 +17,8 @@ from jshell.service.jobs import (
     film_shown,
     fit_shown,
     fit_specification,
+    inversion_shown,
+    invert_specification,
     modes_shown,
     modes_specification,
     of_kind,
@@ -25,9 +27,9 @@ from jshell.service.jobs import (
 )
 from jshell.service.kinds import PLURAL
 from jshell.service.reading import UPLOAD_SLOTS, check_one_readable, options_of
-from jshell.service.replies import FilmOut, FitOut, JobOut, JobPage, ModesOut
+from jshell.service.replies import FilmOut, FitOut, InversionOut, JobOut, JobPage, ModesOut
 from jshell.service.safety import attachment, clean_name
-from jshell.service.schemas import BatchOptions, FitRequest, Key, ModesRequest, State
+from jshell.service.schemas import BatchOptions, FitRequest, InvertRequest, Key, ModesRequest, State
 from jshell.service.settings import MAX_BODY_BYTES
 from jshell.service.state import Here
 from jshell.service.store import JobRow, Submission
@@ -57,6 +59,12 @@ def fit(here: Here, asked: FitRequest, key: IdempotencyKey = None) -> Response:
     """Fit traces that share their constants. The same data and options are the same job."""
     _not_too_many(len(asked.traces), here.settings.traces)
     return accepted(here.store.submit("fit", fit_specification(asked), asked.traces, key))
+
+
+@router.post("/inversions", tags=["inversions"], status_code=202, responses=ACCEPTED, summary="Ask what shell it is")
+def invert(here: Here, asked: InvertRequest, key: IdempotencyKey = None) -> Response:
+    """Fit the simulator's small vibrations to ring-downs of one shell. The same data and question are the same job."""
+    return accepted(here.store.submit("invert", invert_specification(asked), asked.traces, key))
 
 
 @router.post("/modes", tags=["modes"], status_code=202, responses=ACCEPTED, summary="Find a shell's modes")
@@ -132,7 +140,7 @@ def _file(here: Here, job: JobRow, suffix: str) -> Response:
     return Response(file_of(here.store, job, suffix), headers=given, media_type=MEDIA[suffix])
 
 
-_SHOWN = {"fit": fit_shown, "modes": modes_shown, "look": film_shown, "film": film_shown}
+_SHOWN = {"fit": fit_shown, "modes": modes_shown, "look": film_shown, "film": film_shown, "invert": inversion_shown}
 
 
 def _routes(kind: str, words: str, out: type[JobOut]) -> None:
@@ -198,6 +206,7 @@ _routes("simulate", "simulation", JobOut)
 _routes("modes", "job for modes", ModesOut)
 _routes("look", "look at a film", FilmOut)
 _routes("film", "film", FilmOut)
+_routes("invert", "inversion", InversionOut)
 
 
 def _not_too_many(found: int, most: int) -> None:

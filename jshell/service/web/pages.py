@@ -18,7 +18,7 @@ from jshell.service.problems import KINDS, Kind, Refused, headers_of
 from jshell.service.safety import COOKIE
 from jshell.service.state import Here
 from jshell.service.store import JobRow, Store
-from jshell.service.web import films, fits, new, settle, simulations
+from jshell.service.web import films, fits, inversions, new, settle, simulations
 from jshell.service.web.templates import shown
 
 STATIC = Path(__file__).parent / "static"
@@ -29,7 +29,7 @@ router = APIRouter(include_in_schema=False, default_response_class=HTMLResponse)
 def mount(app: FastAPI) -> None:
     """Give an application its page."""
     app.mount("/static", StaticFiles(directory=STATIC), name="static")
-    for part in (router, new.router, settle.router, films.router, fits.router, simulations.router):
+    for part in (router, new.router, settle.router, films.router, fits.router, inversions.router, simulations.router):
         app.include_router(part)
 
 

@@ -71,7 +71,7 @@ def _numbers(values: np.ndarray) -> list[float | None]:
     return [float(f"{x:.{DIGITS}g}") if np.isfinite(x) else None for x in np.asarray(values, dtype=float)]
 
 
-def _thinned(*rows: np.ndarray) -> list[np.ndarray]:
+def thinned(*rows: np.ndarray) -> list[np.ndarray]:
     """The rows at every k-th sample, so that none is longer than the page draws."""
     step = -(-rows[0].size // MOST)
     return [np.asarray(row)[::step] for row in rows]
@@ -96,7 +96,7 @@ def of_preview(found: Preview, whole: Sequence[Trace], names: Sequence[str]) -> 
                 curve = np.full(times.size, np.nan)
                 curve[inside] = shown.factor * curves[channel]
                 rows.append(curve)
-            at, data, *more = _thinned(*rows)
+            at, data, *more = thinned(*rows)
             lines = (
                 Line("data", color, data, 1, dots=True),
                 *(Line("estimated start", BLACK, row, 1.3) for row in more),
@@ -118,7 +118,7 @@ def of_fit(result: FitResult, names: Sequence[str]) -> list[tuple[Plot, Plot]]:
             time, shown = _read(trace, "t"), _read(trace, channel)
             color = CHANNEL.get(channel, BLUE)
             data = np.asarray(trace[channel], dtype=float)
-            at, data, curve = _thinned(
+            at, data, curve = thinned(
                 time.factor * np.asarray(trace.times, float), shown.factor * data, shown.factor * curve
             )
             left = data - curve
@@ -148,7 +148,7 @@ def of_trace(trace: Trace, channels: Sequence[str]) -> list[Plot]:
     for channel in channels:
         time, shown = _read(trace, "t"), _read(trace, channel)
         data = shown.factor * np.asarray(trace[channel], dtype=float)
-        at, data = _thinned(time.factor * np.asarray(trace.times, dtype=float), data)
+        at, data = thinned(time.factor * np.asarray(trace.times, dtype=float), data)
         words = f"{shown.label} over {time.label}, from {np.nanmin(data):.4g} to {np.nanmax(data):.4g}."
         line = Line(shown.symbol, CHANNEL.get(channel, BLUE), data)
         plots.append(Plot(shown.label, words, time.label, shown.label, at, (line,), height=210))

@@ -47,7 +47,7 @@ def addresses(served: str) -> list[str]:
         "/", "/fits/new", f"/fits/new?trace={trace}", f"/fits/new?trace={trace}&low.alpha1=5&high.alpha1=4",
         *(f"/fits/{one}" for one in waited), *made, f"/traces/settle?trace={trace}",
         f"/traces/conditions?trace={trace}", "/simulate", "/simulate?d_hat=-1", "/api", "/licences", "/login",
-        "/problems/bad_value", "/nothing",
+        "/problems/bad_value", "/nothing", f"/inversions/new?trace={trace}",
     ]  # fmt: skip
 
 

@@ -63,6 +63,7 @@ def done(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, dict[s
         asked = {
             "fit": ({}, [trace]), "batch": ({}, [trace]), "simulate": (motion, []),
             "modes": ({"conditions": SHELL, "liquid": "ideal", "count": 1, "elements": 12}, []),
+            "invert": ({"unknown": ["youngs_modulus"], "exact": False, "elements": 12}, [trace]),
         }  # fmt: skip
         ids = {"traces": trace}
         for kind, (specification, traces) in asked.items():
