@@ -22,7 +22,10 @@ def number(value: Any, digits: int = 5) -> str:
     """A number to some digits; a dash where there is none."""
     if value is None or not math.isfinite(float(value)):
         return "–"
-    return f"{float(value):.{digits}g}".replace("-", "−")
+    text = f"{float(value):.{digits}g}"
+    if "e+" in text and abs(float(value)) < 1e7:  # a pressure in Pa reads better without a power of ten
+        text = f"{float(text):.0f}"
+    return text.replace("-", "−")
 
 
 def with_error(value: float, error: float | None) -> str:
