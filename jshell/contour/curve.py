@@ -61,6 +61,7 @@ class Meridian(eqx.Module):
         active: (free coordinates,) indices of the coordinates that may move.
         shift: (coordinates,) rigid translation along the axis, or zero when attached.
         elements, attached, edge: Their number, half-angle of the pad [rad], the breakpoint at its edge.
+        crowded: Whether elements shrink towards the pad's edge, see `contour.grading`.
     """
 
     angles: Float[Array, "points"]
@@ -80,6 +81,7 @@ class Meridian(eqx.Module):
     elements: int = eqx.field(static=True)
     attached: float = eqx.field(static=True)
     edge: int | None = eqx.field(static=True)
+    crowded: bool = eqx.field(static=True)
 
     @property
     def x_size(self) -> int:

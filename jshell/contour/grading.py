@@ -1,10 +1,15 @@
-"""Where the nodes go: crowded at the rim of a dimple, sparse elsewhere.
+"""Where the nodes go: crowded at the rim of a dimple and at a pad's edge, sparse elsewhere.
 
 A buckled shell bends within a rim of width ~ √d̂ and hardly anywhere else.
 Equal shares of a monitor, √(1 + (c b)²) with b the turning of the meridian per
 θ, put the elements there. Neighbours must not differ much in length, or the
 ring kernels of the liquid lose digits, so the element length is limited in
 slope.
+
+At the edge of a pad the splines hold the wall's stretch beside position and
+slope, an error of first order in the element there and in that only. Elements
+that shrink towards the edge by 1.6 each make it small; the exact liquid bears
+that ratio, and no longer bears 2.
 
 Symbols    b = κ1 λ1 turning of the meridian per θ [-]   h element length [rad]
 Source     equidistribution: de Boor 1973; slope-limited element size: Persson 2006
@@ -13,6 +18,7 @@ Source     equidistribution: de Boor 1973; slope-limited element size: Persson 2
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from jshell.contour.curve import Meridian
@@ -20,6 +26,8 @@ from jshell.contour.curve import Meridian
 CONTRAST = 1.0  # c: weight of the turning in the monitor
 SLOPE = 0.2  # how fast the element length may grow along θ
 PASSES = 4  # the limiter changes the lengths it limits
+SHRINKING, RATIO = 8, 1.6  # elements on each side of a pad's edge that shrink towards it, by this each
+MORE = 6  # elements more on each side: eight that shrink are as long as 1.6 others
 
 
 @eqx.filter_jit  # called one by one, its loop would be compiled anew each time
@@ -65,10 +73,19 @@ def even_shares(
         targets = fractions * share[-1]
     else:
         at_edge = jnp.interp(shape.nodes[shape.edge], everywhere, share)
-        k = jnp.arange(shape.elements + 1)
-        moving = k / shape.edge * at_edge
-        held = share[-1] - (shape.elements - k) / (shape.elements - shape.edge) * (share[-1] - at_edge)
-        targets = jnp.where(k < shape.edge, moving, held)
+        moving, held = towards_edge(shape.edge, shape.elements, shape.crowded)
+        targets = jnp.concatenate([moving * at_edge, share[-1] - held[1:] * (share[-1] - at_edge)])
     breaks = jnp.interp(targets, share, everywhere)
     breaks = breaks.at[0].set(0.0).at[-1].set(jnp.pi)
     return breaks if shape.edge is None else breaks.at[shape.edge].set(shape.nodes[shape.edge])
+
+
+def towards_edge(edge: int, elements: int, crowded: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Places of the nodes on the free part (edge + 1,) from 0 to 1, and on the pad from 1 to 0, their ends included."""
+
+    def places(count: int) -> np.ndarray:
+        beyond = np.maximum(SHRINKING - np.arange(count)[::-1], 0) if crowded else np.zeros(count)
+        lengths = RATIO**-beyond
+        return np.concatenate([[0.0], np.cumsum(lengths) / np.sum(lengths)])
+
+    return places(edge), places(elements - edge)[::-1]

@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jshell.contour.curve import Meridian, Near
+from jshell.contour.grading import MORE, towards_edge
 from jshell.contour.splines import ORDER, Numbers, ParitySplines, local_splines
 from jshell.errors import BadValue
 from jshell.shell.elasticity import Scalar
@@ -28,21 +29,27 @@ MINIMUM_ELEMENTS = 8
 MOST_ELEMENTS = 1024  # its matrices take 2 GB
 
 
-def breakpoints(elements: int, attached: float = 0.0) -> tuple[np.ndarray, int | None]:
+def breakpoints(elements: int, attached: float = 0.0, crowded: bool = False) -> tuple[np.ndarray, int | None]:
     """Even breakpoints of the meridian [rad], and the index of a pad's edge.
 
     The edge of a pad is a breakpoint; the elements are shared between the free
     part and the pad in proportion to their lengths, two at least for the pad.
+    Where they crowd there, `MORE` come to each part.
     """
     if attached == 0.0:
         return np.linspace(0.0, np.pi, elements + 1), None
     held = max(2, round(elements * attached / np.pi))
-    edge = np.pi - attached
-    moving = np.linspace(0.0, edge, elements - held + 1)
-    return np.concatenate([moving, np.linspace(edge, np.pi, held + 1)[1:]]), elements - held
+    more = MORE if crowded else 0
+    edge, whole = elements - held + more, elements + 2 * more
+    moving, kept = towards_edge(edge, whole, crowded)
+    breaks = np.concatenate([moving * (np.pi - attached), np.pi - kept[1:] * attached])
+    breaks[edge] = np.pi - attached
+    return breaks, edge
 
 
-def meridian(elements: int = 32, attached: float = 0.0, breaks: np.ndarray | None = None) -> Meridian:
+def meridian(
+    elements: int = 32, attached: float = 0.0, breaks: np.ndarray | None = None, *, crowded: bool = False
+) -> Meridian:
     """A discretisation of the meridian.
 
     Args:
@@ -51,6 +58,7 @@ def meridian(elements: int = 32, attached: float = 0.0, breaks: np.ndarray | Non
             Position and slope are held from θ = π - attached on.
         breaks: (elements + 1,) breakpoints [rad], increasing from 0 to π; even by default. With a pad, the
             breakpoint at its edge keeps its place and its index, see `breakpoints`.
+        crowded: Twelve elements more, which shrink towards a pad's edge; nothing without a pad.
 
     Raises:
         BadValue: Too few elements, a pad that leaves nothing free, or breakpoints that do not fit.
@@ -70,9 +78,9 @@ def meridian(elements: int = 32, attached: float = 0.0, breaks: np.ndarray | Non
     limited("elements", elements, MOST_ELEMENTS, "elements")
     if not 0.0 <= attached <= 2.0:
         raise BadValue("attached", found=repr(attached), expected="an angle from 0 to 2 rad", remedy="0.33 is usual.")
-    even, edge = breakpoints(int(elements), float(attached))
-    chosen = even if breaks is None else _checked(np.asarray(breaks, dtype=float), even, edge)
-    return _build(chosen, float(attached), edge)
+    usual, edge = breakpoints(int(elements), float(attached), crowded)
+    chosen = usual if breaks is None else _checked(np.asarray(breaks, dtype=float), usual, edge)
+    return _build(chosen, float(attached), edge, crowded and edge is not None)
 
 
 def regrade(shape: Meridian, breaks: Float[Array, "nodes"]) -> Meridian:
@@ -84,7 +92,14 @@ def regrade(shape: Meridian, breaks: Float[Array, "nodes"]) -> Meridian:
     """
     if shape.edge is not None:
         breaks = breaks.at[shape.edge].set(shape.nodes[shape.edge])
-    return _build(breaks, shape.attached, shape.edge)
+    return _build(breaks, shape.attached, shape.edge, shape.crowded)
+
+
+def halved(shape: Meridian) -> Meridian:
+    """Every element cut in the middle."""
+    nodes = shape.nodes
+    breaks = jnp.sort(jnp.concatenate([nodes, (nodes[1:] + nodes[:-1]) / 2]))
+    return _build(breaks, shape.attached, None if shape.edge is None else 2 * shape.edge)
 
 
 def with_pad(shape: Meridian, angle: Scalar, nodes: Float[Array, "nodes"] | None = None) -> Meridian:
@@ -104,7 +119,7 @@ def with_pad(shape: Meridian, angle: Scalar, nodes: Float[Array, "nodes"] | None
     place = old[shape.edge]
     free = old[: shape.edge] * ((jnp.pi - angle) / place)
     held = jnp.pi - (jnp.pi - old[shape.edge :]) * (angle / (jnp.pi - place))
-    return _build(jnp.concatenate([free, held]), shape.attached, shape.edge)
+    return _build(jnp.concatenate([free, held]), shape.attached, shape.edge, shape.crowded)
 
 
 def with_small_edge(shape: Meridian, count: int, ratio: Scalar = 2.0) -> Meridian:
@@ -195,7 +210,7 @@ def _checked(breaks: np.ndarray, even: np.ndarray, edge: int | None) -> np.ndarr
     return breaks
 
 
-def _build(breaks: Numbers, attached: float, edge: int | None) -> Meridian:
+def _build(breaks: Numbers, attached: float, edge: int | None, crowded: bool = False) -> Meridian:
     """All matrices, from breakpoints that are NumPy numbers or traced by JAX."""
     xp = breaks.__array_namespace__()
     elements = len(breaks) - 1
@@ -245,6 +260,7 @@ def _build(breaks: Numbers, attached: float, edge: int | None) -> Meridian:
         elements=elements,
         attached=attached,
         edge=edge,
+        crowded=crowded,
     )
 
 

@@ -138,7 +138,7 @@ def simulate(
         start: Begin at this rest shape under constant outer pressure instead; its mesh, pad and weak spot are kept.
         displacement, velocity: (coordinates,) added to the start [R0], [R0/time unit]; only with `start`. A
             displaced wall first slides along itself until its tangential forces vanish, as a massless wall must.
-        elements, attached: As in `jshell.membrane.rest`.
+        elements, attached: As in `jshell.membrane.rest`; a pad's small elements make a run about twice as long.
         weak_spot: Thinner wall that decides where the dimple starts; `WeakSpot()` by default.
         losses: What takes energy; by default the Stokes layer to second order, its first with its memory.
         shell_density: Density of the wall over the liquid's, ρ_s/ρ_f [-]; the source's shell has none.
@@ -229,7 +229,7 @@ def _run(conditions: Reduced, options: RunOptions, *, shapes: bool) -> tuple[Tra
                 remedy="Pass start=rest(...).",
             )
         spot = WeakSpot() if options.weak_spot is None else options.weak_spot
-        shape = cached_meridian(options.elements, options.attached)
+        shape = cached_meridian(options.elements, options.attached, options.attached != 0.0)
         profile, q = wall_profile(shape, spot), shape.sphere
         steady = Ramp(
             start=conditions.gas_pressure,
@@ -275,10 +275,10 @@ def _run(conditions: Reduced, options: RunOptions, *, shapes: bool) -> tuple[Tra
     if setup.losses.second and not isinstance(trace["V"], Tracer):
         error = series_error(trace)
         if error > TOLERATED:
-            beside = warn_of_thick_layer(error, conditions, start, shape.elements, shape.attached, spot, area)
+            beside = warn_of_thick_layer(error, conditions, start, options.elements, shape.attached, spot, area)
             trace = replace(trace, settings=(*trace.settings, *beside))
     if options.symmetry:
-        said = computed_symmetry(trace, conditions, start, shape.elements, shape.attached, spot, str(area))
+        said = computed_symmetry(trace, conditions, start, options.elements, shape.attached, spot, str(area))
     else:
         said = warn_of_asymmetry(trace, conditions)
     trace = replace(trace, settings=(*trace.settings, *said))

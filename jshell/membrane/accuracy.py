@@ -12,9 +12,10 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from jshell.contour import halved
 from jshell.errors import Outcome
 from jshell.membrane.energy import Area
-from jshell.membrane.equilibrium import RestShape, cached_meridian, reworked
+from jshell.membrane.equilibrium import RestShape, reworked
 from jshell.shell.parameters import Reduced
 
 
@@ -52,14 +53,9 @@ def estimate_error(
         >>> bool(1e-8 < abs(error.volume_ratio) < 1e-5)
         True
     """
-    old = shape.meridian
-    nodes = old.nodes
-    base = cached_meridian(2 * old.elements, old.attached)
-    halves = jnp.sort(jnp.concatenate([nodes, (nodes[1:] + nodes[:-1]) / 2]))
-    if base.edge != (None if old.edge is None else 2 * old.edge):
-        halves = base.nodes
+    base = halved(shape.meridian)
     ratio = shape.volume_ratio if held else None
-    found = reworked(shape, base, halves, conditions.as_arrays(), branch, area, ratio)
+    found = reworked(shape, base, base.nodes, conditions.as_arrays(), branch, area, ratio)
     outcome = jnp.where(shape.outcome == Outcome.OK, found.outcome, shape.outcome)
     return ShapeError(
         shape.volume_ratio - found.volume_ratio,

@@ -295,10 +295,10 @@ def measured(
 
 
 @lru_cache(maxsize=16)
-def cached_meridian(elements: int, attached: float) -> Meridian:
-    """The discretisation of a size and pad; built once."""
+def cached_meridian(elements: int, attached: float, crowded: bool = False) -> Meridian:
+    """The discretisation of a size and pad, crowded at its edge or not; built once."""
     with jax.ensure_compile_time_eval():
-        return meridian(elements, attached)
+        return meridian(elements, attached, crowded=crowded)
 
 
 def raise_unless_ok(place: str, outcome: Int[Array, ""]) -> None:

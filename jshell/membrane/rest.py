@@ -67,7 +67,7 @@ def rest(
     Args:
         conditions: The problem without units.
         branch: `buckled`, or `sphere` (found whether stable or not).
-        elements: Elements of the meridian.
+        elements: Elements of the meridian; with a pad twelve more, which shrink towards its edge on both sides.
         attached: Half-angle of the pad that holds the shell [rad]; 0 is free.
         weak_spot: Thinner wall around the buckling pole; none by default.
         area: Which elastic energy, see `jshell.membrane.energy.density`.
@@ -94,7 +94,8 @@ def rest(
     ratio = None if volume_ratio is None else jnp.asarray(volume_ratio, dtype=float)
     spot = jnp.asarray(weak_spot.depth, dtype=float), jnp.asarray(weak_spot.width, dtype=float)
     graded = grading == "rim" and branch == "buckled"
-    found = find(cached_meridian(elements, attached), conditions.as_arrays(), spot, branch, area, ratio, graded)
+    base = cached_meridian(elements, attached, attached != 0.0)
+    found = find(base, conditions.as_arrays(), spot, branch, area, ratio, graded)
     if branch == "buckled":
         if volume_ratio is None and _lost(found, conditions):
             found = thinned_down(conditions.as_arrays(), found, spot, area)
@@ -158,7 +159,7 @@ def thinned_down(
     Where a thickness is reached at which no step succeeds, the lost shape comes back as out_of_range, and a warning
     names that thickness.
     """
-    base = cached_meridian(lost.meridian.elements, lost.meridian.attached)
+    base = jax.lax.stop_gradient(lost.meridian)
     # the way there is not differentiated: the last step, at the conditions themselves, carries the derivative
     known = jax.lax.stop_gradient(conditions)
     wanted, ratio = float(known.thickness), shape_like(known, None)

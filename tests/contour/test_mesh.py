@@ -10,6 +10,8 @@ from jshell.contour import (
     breakpoints,
     carry,
     dimple,
+    dimple_breaks,
+    halved,
     meridian,
     regrade,
     rim_breaks,
@@ -155,6 +157,42 @@ def test_a_pad_of_another_size_is_a_mesh_built_for_it():
     np.testing.assert_allclose(shape.nodes, even.nodes, atol=1e-14)
     np.testing.assert_allclose(shape.sphere, even.sphere, atol=1e-12)
     np.testing.assert_allclose(shape.near.x_slope, even.near.x_slope, atol=1e-10)
+
+
+@pytest.mark.parametrize("attached", [0.2, 0.3272, 0.6])
+def test_elements_shrink_towards_a_pads_edge_by_one_ratio(attached):
+    breaks, edge = breakpoints(32, attached, True)
+    assert len(breaks) == 32 + 12 + 1
+    assert breaks[edge] == np.pi - attached
+    lengths = np.diff(breaks)
+    for side in (lengths[edge - 8 : edge], lengths[edge : edge + 8][::-1]):
+        np.testing.assert_allclose(side[:-1] / side[1:], 1.6, rtol=1e-9)
+    # as long as without them, elsewhere
+    assert lengths[0] == pytest.approx(np.diff(breakpoints(32, attached)[0])[0], rel=0.05)
+
+
+def test_nodes_crowd_at_a_rim_and_at_a_pads_edge():
+    shape = meridian(24, 0.3272, crowded=True)
+    breaks = np.asarray(dimple_breaks(shape, 0.7, 0.05))
+    assert breaks[shape.edge] == np.pi - 0.3272
+    lengths = np.diff(breaks)
+    assert lengths[shape.edge - 1 : shape.edge + 1].max() < 0.005
+    # a cap of V/V0 = 0.7 is mirrored at cos θ = 1 - h, h²(3 - h) = 0.6: θ = 1.02; even elements are 0.13 long
+    assert lengths[np.searchsorted(breaks, 1.02) - 1] < 0.08
+    ratio = np.maximum(lengths[1:] / lengths[:-1], lengths[:-1] / lengths[1:])
+    # 1.6 at the edge times the rim's 1.2 at most
+    assert ratio.max() < 1.9
+
+
+@pytest.mark.long
+def test_halves_of_the_elements_hold_every_shape():
+    before = meridian(16, 0.35, crowded=True)
+    after = halved(before)
+    assert (after.elements, after.edge) == (2 * before.elements, 2 * before.edge)
+    q = before.sphere.at[before.active].add(0.01 * np.random.default_rng(0).standard_normal(before.active.size))
+    there = transfer(q, before, after)
+    # normal equations of small elements keep half the digits
+    assert float(volume(after, there)) == pytest.approx(float(volume(before, q)), rel=1e-8)
 
 
 @pytest.mark.long

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from scipy.special import factorial, lpmv
 
-from jshell import membrane
-from jshell.contour import WeakSpot, azimuthal, meridian
+from jshell.contour import azimuthal, meridian
 from jshell.flow import flow, impedance, slip_matrix, viscous_liquid
 from jshell.flow.azimuthal import order_flow, order_layers
 from jshell.flow.azimuthal_layer import order_second, order_slip, order_wall
@@ -16,6 +15,7 @@ from jshell.flow.second_order import second_order
 from jshell.flow.toroidal import toroidal
 from jshell.membrane.azimuthal import nearest_motion, null_motions, point_hessians, stiffness_of_order
 from jshell.membrane.energy import stiffness_at, wall
+from jshell.membrane.equilibrium import find
 
 ELEMENTS = 24
 MOST = 4  # orders as many as where frequencies are looked at: one compiled program
@@ -68,10 +68,11 @@ def _order_zero(state, splines, none):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("attached", [0.0, 0.3272])
-def test_order_zero_has_the_stiffness_and_the_added_mass_of_axisymmetric_motions(attached, R):
+@pytest.mark.parametrize(("attached", "crowded"), [(0.0, False), (0.3272, False), (0.3272, True)])
+def test_order_zero_has_the_stiffness_and_the_added_mass_of_axisymmetric_motions(attached, crowded, R):
     """Of a dimple with a weak spot, free and held: the two sets of splines span the same motions."""
-    state = membrane.rest(R, elements=ELEMENTS, attached=attached, weak_spot=WeakSpot())
+    base, spot = meridian(ELEMENTS, attached, crowded=crowded), (jnp.asarray(0.15), jnp.asarray(0.35))
+    state = find(base, R.as_arrays(), spot, "buckled", "current", None, True)
     shape, splines = state.meridian, azimuthal(state.meridian)
     found, expected = _order_zero(state, splines, jnp.asarray(0))
     along, across, _ = splines.motion(0)
@@ -88,8 +89,9 @@ def test_order_zero_has_the_stiffness_and_the_added_mass_of_axisymmetric_motions
     held = ~np.asarray(splines.moving(0))
     np.testing.assert_allclose(ways[held][:, np.asarray(shape.active)], 0, atol=1e-12)
     for mine, usual in zip(found, expected, strict=True):
-        # rounding: 3e-15 of the stiffness and 3e-14 of the mass are seen
-        np.testing.assert_allclose(ways.T @ mine @ ways, usual, rtol=0, atol=1e-12 * float(jnp.abs(usual).max()))
+        # rounding: 3e-15 of the stiffness and 3e-14 of the mass are seen, and 9e-12 where elements are 0.003 long
+        close = (1e-10 if crowded else 1e-12) * float(jnp.abs(usual).max())
+        np.testing.assert_allclose(ways.T @ mine @ ways, usual, rtol=0, atol=close)
 
 
 def lamb(aspect):
