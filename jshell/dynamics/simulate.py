@@ -138,7 +138,7 @@ def simulate(
         start: Begin at this rest shape under constant outer pressure instead; its mesh, pad and weak spot are kept.
         displacement, velocity: (coordinates,) added to the start [R0], [R0/time unit]; only with `start`. A
             displaced wall first slides along itself until its tangential forces vanish, as a massless wall must.
-        elements, attached: As in `jshell.membrane.rest`; a pad's small elements make a run about twice as long.
+        elements, attached: As in `jshell.membrane.rest`; a pad's small elements make a run two or three times as long.
         weak_spot: Thinner wall that decides where the dimple starts; `WeakSpot()` by default.
         losses: What takes energy; by default the Stokes layer to second order, its first with its memory.
         shell_density: Density of the wall over the liquid's, ρ_s/ρ_f [-]; the source's shell has none.
