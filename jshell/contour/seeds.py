@@ -57,6 +57,9 @@ def thinned(shape: Meridian, depth: Scalar, width: Scalar) -> Float[Array, "poin
 
 def compressed_sphere(shape: Meridian, radius: Scalar) -> Float[Array, "coordinates"]:
     """Coordinates of a sphere of another radius [R0], its back pole where the pad is, if there is one."""
+    if shape.crowded:
+        # a kink at a pad's edge, in elements so small, is no start; the stress-free sphere is
+        return shape.sphere
     moved = shape.sphere * radius
     if shape.attached:
         return shape.whole(shape.free(moved + (radius - 1) * _unit_shift(shape)), shape.sphere)

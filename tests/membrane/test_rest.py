@@ -11,6 +11,7 @@ from jshell.contour import NO_WEAK_SPOT, WeakSpot
 from jshell.errors import NotOk, Outcome
 from jshell.membrane import potential_energy, rest, wall
 from jshell.shell import SPHERE_AREA, SPHERE_VOLUME, sphere_state
+from jshell.shell.parameters import Reduced
 
 ELEMENTS = 24
 
@@ -143,3 +144,12 @@ def test_a_weak_spot_makes_the_sphere_less_stable(make_problem):
     plain, weak = on_sphere(problem), on_sphere(problem, WeakSpot(0.15, 0.35))
     assert float(plain.stability) > 0
     assert float(weak.stability) < float(plain.stability)
+
+
+@pytest.mark.long
+def test_a_compressed_sphere_on_a_pad_is_found_under_its_load():
+    c = Reduced(0.22, 0.9, 1.2, 0.004)
+    held = rest(c, branch="sphere", attached=0.3272)
+    assert int(held.outcome) == Outcome.OK
+    # the pad keeps a fortieth of the wall where it was; the rest is compressed as a free sphere is
+    assert float(held.volume) == pytest.approx(float(sphere_state(c).volume), rel=0.03)
