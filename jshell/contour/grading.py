@@ -32,19 +32,24 @@ MORE = 6  # elements more on each side: eight that shrink are as long as 1.6 oth
 
 @eqx.filter_jit  # called one by one, its loop would be compiled anew each time
 def rim_breaks(
-    shape: Meridian, q: Float[Array, "coordinates"], contrast: float = CONTRAST, slope: float = SLOPE
+    shape: Meridian,
+    q: Float[Array, "coordinates"],
+    contrast: float = CONTRAST,
+    slope: float = SLOPE,
+    onto: Meridian | None = None,
 ) -> Float[Array, "nodes"]:
     """Breakpoints that share the bending of a shape evenly [rad]; may be compiled.
 
     Args:
         shape: The present discretisation; as many breakpoints come back, a pad's edge stays.
         q: The shape.
+        onto: The discretisation that the breakpoints are for, where it is another one.
         contrast: c, how much turning counts beside plain length; 0 is even spacing.
         slope: Largest growth of element length per θ, about the ratio of neighbours less 1.
     """
     curve = shape.at_points(q)
     turning = (curve.x1 * curve.r2 - curve.r1 * curve.x2) / (curve.x1**2 + curve.r1**2)
-    return even_shares(shape, shape.angles, turning, contrast, slope)
+    return even_shares(shape if onto is None else onto, shape.angles, turning, contrast, slope)
 
 
 def even_shares(

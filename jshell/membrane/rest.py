@@ -97,7 +97,12 @@ def rest(
     base = cached_meridian(elements, attached, attached != 0.0)
     found = find(base, conditions.as_arrays(), spot, branch, area, ratio, graded)
     if branch == "buckled":
-        if volume_ratio is None and _lost(found, conditions):
+        if graded and attached and _lost(found, conditions):
+            # elements so small at the pad's edge may throw a mirrored cap off; the shape of even ones they bear
+            even = find(cached_meridian(elements, attached), conditions.as_arrays(), spot, branch, area, ratio, graded)
+            if int(even.outcome) == Outcome.OK:
+                found = _moved(even, conditions.as_arrays(), spot, area, ratio, base)
+        if volume_ratio is None and _lost(found, conditions, THIN):
             found = thinned_down(conditions.as_arrays(), found, spot, area)
         found = judged(found, conditions.thickness)
     if throw:
@@ -142,13 +147,13 @@ def judged(found: RestShape, thickness: Scalar) -> RestShape:
     return eqx.tree_at(lambda shape: shape.outcome, found, judgement)
 
 
-def _lost(found: RestShape, conditions: Reduced) -> bool:
-    """Whether a single thin shell, whose numbers are known, did not converge."""
+def _lost(found: RestShape, conditions: Reduced, below: float = np.inf) -> bool:
+    """Whether a single shell thinner than that, whose numbers are known, did not converge."""
     # outside `jit` and `vmap` the numbers are known even while a derivative is taken
     thickness, outcome = jax.lax.stop_gradient((conditions.thickness, found.outcome))
     if isinstance(thickness, Tracer) or isinstance(outcome, Tracer) or np.ndim(thickness) or outcome.ndim:
         return False
-    return float(thickness) < THIN and int(outcome) == Outcome.NOT_CONVERGED
+    return float(thickness) < below and int(outcome) == Outcome.NOT_CONVERGED
 
 
 def thinned_down(
@@ -193,9 +198,11 @@ def _moved(
     spot: tuple[Float[Array, ""], Float[Array, ""]],
     area: str,
     volume_ratio: Float[Array, ""] | None,
+    onto: Meridian | None = None,
 ) -> RestShape:
-    """The rest shape near another one, on nodes that follow its rim."""
-    shape = regrade(before.meridian, rim_breaks(before.meridian, before.coordinates))
+    """The rest shape near another one, on nodes that follow its rim, of its own mesh or of another."""
+    base = before.meridian if onto is None else onto
+    shape = regrade(base, rim_breaks(before.meridian, before.coordinates, onto=base))
     start = transfer(before.coordinates, before.meridian, shape)
     return settle(shape, conditions, thinned(shape, *spot), start, "buckled", area, volume_ratio)
 

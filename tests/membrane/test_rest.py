@@ -153,3 +153,13 @@ def test_a_compressed_sphere_on_a_pad_is_found_under_its_load():
     assert int(held.outcome) == Outcome.OK
     # the pad keeps a fortieth of the wall where it was; the rest is compressed as a free sphere is
     assert float(held.volume) == pytest.approx(float(sphere_state(c).volume), rel=0.03)
+
+
+@pytest.mark.long
+def test_a_deep_dimple_on_a_pad_is_found_from_even_elements(make_problem):
+    """From a mirrored cap the small elements at the pad's edge do not converge."""
+    problem = make_problem(0.1, 0.4, 0.8)
+    found = rest(problem, attached=0.3272)
+    assert found.outcome == Outcome.OK
+    assert float(found.volume_ratio) == pytest.approx(0.626493, abs=2e-6)  # of 32 even elements
+    assert found.meridian.crowded
