@@ -155,7 +155,7 @@ def rest(
         rows.append(("stable", {True: "yes", False: "no", None: "–"}[stable], None))
         if symmetric is not None:
             rows.append(("symmetry", symmetric.verdict, None))
-        elif ok and branch == "buckled" and problem.conditions.thickness < THIN:
+        elif ok and shape.branch == "buckled" and problem.conditions.thickness < THIN:
             rows.append(("symmetry", jshell.membrane.law_of(found), None))
         typer.echo(problem.table(rows, ("at rest", "value")))
     finish(outcome)
