@@ -1,15 +1,17 @@
 """What the simulator costs, warm, on one core: `make bench`.
 
-Prints tables in Markdown: rest shape and modes, a trace against the number of elements, batches, derivatives.
+Prints tables in Markdown: rest shape and modes, the liquid's orders, a trace against the number of elements, batches,
+derivatives.
 Pin it to one core to compare with the figures in docs/performance.md:
 
-    taskset -c 0 .venv/bin/python benchmarks/trace.py [modes] [elements] [batches] [derivatives]
+    taskset -c 0 .venv/bin/python benchmarks/trace.py [modes] [liquids] [elements] [batches] [derivatives]
 
 Times are processor seconds of this process. Where a run is long, a tenth of it is timed and multiplied: steps cost
 the same throughout.
 """
 
 import os
+import statistics
 import sys
 import time
 from collections.abc import Callable
@@ -22,6 +24,7 @@ import jshell as js
 from jshell.shell import presets
 
 REPEATS = 2
+TURNS = 5  # pairs of runs, one after the other, so that a busy machine slows both
 DURATION = 70.0
 R = presets.R.conditions.as_arrays()
 RAMPED = eqx.tree_at(lambda c: c.outer_pressure, R, jnp.asarray(1.62))
@@ -48,6 +51,23 @@ def mode_table() -> None:
         print(
             f"| {elements} | {float(jnp.max(jnp.abs(job() / exact - 1))):.0e} | {first:.1f} | {warm:.3f} |", flush=True
         )
+
+
+def liquid_table() -> None:
+    """A trace to second order over the same with the layer alone, and modes of R in the exact liquid."""
+    to_order = lambda order: js.dynamics.simulate(  # noqa: E731
+        RAMPED, elements=24, duration=DURATION, losses=js.dynamics.Losses(order=order)
+    )["V"]
+    ratios = []
+    for _ in range(TURNS):
+        layer, second = (min(seconds(lambda order=order: to_order(order))) for order in (1, 2))
+        ratios.append(second / layer)
+    print("\n| second order over the layer alone, 24 elements, in turn | least | median | largest |")
+    print("|---|---|---|---|")
+    print(f"| trace of R to {DURATION:g} | {min(ratios):.2f} | {statistics.median(ratios):.2f} | {max(ratios):.2f} |")
+    for held in (0.0, 0.3272):
+        _, warm = seconds(lambda pad=held: js.dynamics.modes(R, attached=pad, count=4).omega)
+        print(f"| four modes of R in the exact liquid, pad {held:g} [s] | {warm:.2f} | – | – |", flush=True)
 
 
 def element_table() -> None:
@@ -105,7 +125,13 @@ def derivative_table() -> None:
             print(f"| {name}, {elements} elements | {warm / base:.1f} x | {memory:.0f} |", flush=True)
 
 
-TABLES = {"modes": mode_table, "elements": element_table, "batches": batch_table, "derivatives": derivative_table}
+TABLES = {
+    "modes": mode_table,
+    "liquids": liquid_table,
+    "elements": element_table,
+    "batches": batch_table,
+    "derivatives": derivative_table,
+}
 
 
 def main() -> None:
