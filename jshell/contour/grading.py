@@ -43,9 +43,9 @@ def rim_breaks(
     Args:
         shape: The present discretisation; as many breakpoints come back, a pad's edge stays.
         q: The shape.
-        onto: The discretisation that the breakpoints are for, where it is another one.
         contrast: c, how much turning counts beside plain length; 0 is even spacing.
         slope: Largest growth of element length per θ, about the ratio of neighbours less 1.
+        onto: The discretisation that the breakpoints are for, where it is another one.
     """
     curve = shape.at_points(q)
     turning = (curve.x1 * curve.r2 - curve.r1 * curve.x2) / (curve.x1**2 + curve.r1**2)

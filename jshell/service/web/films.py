@@ -17,7 +17,7 @@ from jshell.service.state import Here, Service
 from jshell.service.store import JobRow
 from jshell.service.uploads import Upload
 from jshell.service.web import drawing, series
-from jshell.service.web.fits import _common
+from jshell.service.web.fits import common
 from jshell.service.web.forms import FitForm, validated
 from jshell.service.web.templates import shown
 
@@ -51,7 +51,7 @@ def look(request: Request, here: Here, id: str) -> Response:
 def _asking(
     request: Request, here: Service, job: JobRow, fields: Mapping[str, str], error: JshellError | None
 ) -> Response:
-    given = _common(here, job) | {"fields": fields, "error": error, "film": job.traces[0]}
+    given = common(here, job) | {"fields": fields, "error": error, "film": job.traces[0]}
     if job.state == "done":
         given["seen"] = jobs.film_found(here.store, job)
     return shown(request, "look.html", given, 200 if error is None else 422)
@@ -127,7 +127,7 @@ def _fields(job: JobRow) -> dict[str, str]:
 def film(request: Request, here: Here, id: str) -> Response:
     """A film: where it stands, and what it shows."""
     job = of_kind(here.store, id, "film")
-    given = _common(here, job) | {"asked": job.specification, "again": [("film", job.traces[0]), *_fields(job).items()]}
+    given = common(here, job) | {"asked": job.specification, "again": [("film", job.traces[0]), *_fields(job).items()]}
     if job.state == "done":
         found, trace = jobs.film_found(here.store, job), jobs.filmed(here.store, job.id)
         heard = found["signature"]

@@ -31,7 +31,7 @@ FREQUENCIES = ("omega_minus", "omega_plus")
 def fit(request: Request, here: Here, id: str) -> Response:
     """A fit: where it stands, and what it found."""
     job = of_kind(here.store, id, "fit")
-    given = _common(here, job) | {"again": urlencode(again(job))}
+    given = common(here, job) | {"again": urlencode(again(job))}
     if job.state == "done":
         given |= _found(here, job)
     return shown(request, "fit.html", given)
@@ -50,7 +50,7 @@ def fit_drawn(here: Here, id: str) -> Response:
 def batch(request: Request, here: Here, id: str) -> Response:
     """A batch: how many ended how, and the first rows."""
     job = of_kind(here.store, id, "batch")
-    given = _common(here, job)
+    given = common(here, job)
     if job.state == "done":
         found = jobs.batch_result(here.store, job.id)
         outcomes = found.outcomes
@@ -76,7 +76,8 @@ def _names(here: Service, job: JobRow) -> list[str]:
     return [here.store.trace(trace).name for trace in job.traces]
 
 
-def _common(here: Service, job: JobRow) -> dict[str, Any]:
+def common(here: Service, job: JobRow) -> dict[str, Any]:
+    """What every page of a job is given."""
     names = _names(here, job)
     title = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
     files = [(suffix, address(job, f".{suffix}")) for suffix in FILES[job.kind]] if job.state == "done" else []

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 from starlette.datastructures import ImmutableMultiDict
+from starlette.requests import Request
 
 from jshell.calibration.option_texts import read_texts
 from jshell.calibration.options import OPTIONS, FitOptions, choices_of, default_of, described
@@ -175,6 +176,12 @@ class FitForm:
             )  # fmt: skip
         value = float(text)
         return int(value) if name in ("starts", "seed") and value.is_integer() else value
+
+
+async def received(request: Request) -> FitForm:
+    """The form that a request brings."""
+    async with request.form() as sent:
+        return read(sent)  # pyright: ignore[reportArgumentType]
 
 
 def read(given: ImmutableMultiDict[str, Any]) -> FitForm:

@@ -23,8 +23,8 @@ from jshell.service.schemas import InvertRequest
 from jshell.service.state import Here, Service
 from jshell.service.store import JobRow
 from jshell.service.web import drawing
-from jshell.service.web.fits import _common
-from jshell.service.web.forms import FitForm, read, validated
+from jshell.service.web.fits import common
+from jshell.service.web.forms import FitForm, read, received, validated
 from jshell.service.web.series import Line, Plot, thinned
 from jshell.service.web.templates import shown
 
@@ -58,9 +58,7 @@ def form(request: Request, here: Here) -> Response:
 @router.post("/inversions")
 async def submit(request: Request, here: Here) -> Response:
     """Hand the inversion in, and go to its page; or say what is wrong, with all fields as they were."""
-    async with request.form() as sent:
-        asked = read(sent)  # pyright: ignore[reportArgumentType]
-    return await run_in_threadpool(_submitted, request, here, asked)
+    return await run_in_threadpool(_submitted, request, here, await received(request))
 
 
 def _submitted(request: Request, here: Service, asked: FitForm) -> Response:
@@ -175,7 +173,7 @@ def _again(job: JobRow) -> list[tuple[str, str]]:
 def inversion(request: Request, here: Here, id: str) -> Response:
     """An inversion: where it stands, and what it found."""
     job = of_kind(here.store, id, "invert")
-    given = _common(here, job) | {"again": urlencode(_again(job)), "asked": job.specification}
+    given = common(here, job) | {"again": urlencode(_again(job)), "asked": job.specification}
     if job.state == "done":
         found = jobs.inverted(here.store, job.id)
         given |= {"found": found, "words": WORDS, "plots": _plots(here, job)}

@@ -22,7 +22,7 @@ from jshell.service.safety import clean_name
 from jshell.service.state import Here, Service
 from jshell.service.web import drawing, series, settle
 from jshell.service.web.films import looked
-from jshell.service.web.forms import CONDITIONS, MODAL, STRICT, SYMBOLS, FitForm, choice, read, selects
+from jshell.service.web.forms import CONDITIONS, MODAL, STRICT, SYMBOLS, FitForm, choice, read, received, selects
 from jshell.service.web.templates import shown
 
 router = APIRouter(include_in_schema=False, default_response_class=HTMLResponse)
@@ -167,9 +167,7 @@ def _conditions(
 @router.post("/fits")
 async def submit(request: Request, here: Here) -> Response:
     """Hand the fit in, and go to its page; or say what is wrong, with all fields as they were."""
-    async with request.form() as sent:
-        asked = read(sent)  # pyright: ignore[reportArgumentType]
-    return await run_in_threadpool(_submitted, request, here, asked)
+    return await run_in_threadpool(_submitted, request, here, await received(request))
 
 
 def _submitted(request: Request, here: Service, asked: FitForm) -> Response:

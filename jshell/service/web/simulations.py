@@ -20,7 +20,7 @@ from jshell.service.kinds import PLURAL
 from jshell.service.schemas import Conditions, ModesRequest, SimulateRequest
 from jshell.service.state import Here, Service
 from jshell.service.web import drawing, series
-from jshell.service.web.fits import _common
+from jshell.service.web.fits import common
 from jshell.service.web.forms import FitForm, validated
 from jshell.service.web.templates import shown
 
@@ -131,7 +131,7 @@ async def _handed_in(
 def modes(request: Request, here: Here, id: str) -> Response:
     """The modes of a shell."""
     job = of_kind(here.store, id, "modes")
-    given = _common(here, job) | {"asked": job.specification, "conditions": job.specification.get("conditions", {})}
+    given = common(here, job) | {"asked": job.specification, "conditions": job.specification.get("conditions", {})}
     if job.state == "done":
         given |= {"rows": jobs.modes_found(here.store, job.id)}
     return shown(request, "modes.html", given)
@@ -141,7 +141,7 @@ def modes(request: Request, here: Here, id: str) -> Response:
 def simulation(request: Request, here: Here, id: str) -> Response:
     """A run of the simulator: its conditions, its motion."""
     job = of_kind(here.store, id, "simulate")
-    given = _common(here, job) | {"conditions": job.specification.get("conditions", {})}
+    given = common(here, job) | {"conditions": job.specification.get("conditions", {})}
     if job.state == "done":
         trace = jobs.simulated(here.store, job.id)
         given |= {"plots": series.of_trace(trace, [one for one in CHANNELS if one in trace.channels])}
