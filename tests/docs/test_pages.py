@@ -192,6 +192,14 @@ def test_links_lead_somewhere():
             assert (page.parent / link).exists(), (name_of(page), link)
 
 
+def test_links_of_notebooks_lead_somewhere():
+    for path in (DOCS.parent / "notebooks").glob("*.ipynb"):
+        cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+        text = "".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "markdown")
+        for link in re.findall(r"\]\((?!https?:)([^)#]+)\)", text):
+            assert (path.parent / link).exists(), (path.name, link)
+
+
 def test_pages_are_in_a_table_of_contents():
     listed = {DOCS / "index.md"}
     for page in PAGES:
