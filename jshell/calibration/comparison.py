@@ -10,27 +10,22 @@ Symbols    χ² misfit   k varied parameters   AIC = N ln(χ²/N) + 2k   BIC = N
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
-from jshell.calibration.data import chosen_channels, filled, windowed
+from jshell.calibration.data import chosen_channels, windowed
 from jshell.calibration.noise import MISFIT, Noise, envelope_chance, lag_one, peak_chance, runs
 from jshell.calibration.records import record, rest_state
 from jshell.calibration.report import FitResult, FitWarning
 from jshell.calibration.sampling import noise_of
 from jshell.calibration.trajectories import fit_trajectories
 from jshell.calibration.uncertainty import information
-from jshell.errors import BadName, BadShape, JshellError, Outcome, RangeWarning
-from jshell.signals import rates
-from jshell.signals.damped_pair import DampedSinusoids, minimum
+from jshell.errors import BadName, BadShape, BadValue, JshellError, Outcome, RangeWarning
+from jshell.signals.waves_from_data import model_orders
 from jshell.trace import Trace
 
 MODELS = ("one mode", "two modes", "three modes", "modal", "strict")
 CLEAR = 10.0  # difference of BIC that counts as very strong (Kass & Raftery 1995)
-MOST_STARTS = 12
 
 
 @dataclass(frozen=True)
@@ -129,11 +124,19 @@ def compare(
 
     Raises:
         BadName: A channel that the trace does not have.
-        BadValue: A trace that cannot be fitted.
+        BadValue: A trace that cannot be fitted; errors that change within a channel.
     """
     cut = windowed(trace, start, stop)
     loss, names = chosen_channels(cut, None, channels)
     one = cut[0]
+    for name in names:
+        if name in one.sigma and np.ptp(np.asarray(one.sigma[name])) > 1e-9 * np.max(np.asarray(one.sigma[name])):
+            raise BadValue(
+                f"sigma[{name!r}]",
+                found="errors that change from sample to sample",
+                expected="one σ for each channel, by which sums of damped sinusoids are weighed",
+                remedy="Give the channel's mean σ, or leave it out.",
+            )
     times = np.asarray(one.times, dtype=float)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RangeWarning)
@@ -142,7 +145,7 @@ def compare(
     ready = record(one, names, state)
     weight, data = np.asarray(ready.weight), np.asarray(ready.data)
     noise = _noise(one, names)
-    rows = [_modes(count, times, data, weight, noise) for count in (1, 2, 3)]
+    rows: list[Row | None] = [*_modes(times, data, weight, noise)]
     for model in ("modal", *(("strict",) if loss == "strict" else ())):
         rows.append(_oscillator(model, one, names, equilibrium, data, weight, noise))
     found = [row for row in rows if row is not None]
@@ -209,40 +212,19 @@ def _oscillator(loss: str, trace: Trace, names: tuple[str, ...], equilibrium: st
     return _row(loss, np.asarray(found.residual), count, data, weight, noise, found.outcome)
 
 
-def _modes(count: int, times: np.ndarray, data: np.ndarray, weight: np.ndarray, noise) -> Row | None:
-    """A sum of damped sinusoids; None where no start comes to rest."""
+def _modes(times: np.ndarray, data: np.ndarray, weight: np.ndarray, noise) -> list[Row]:
+    """Sums of one, two and three damped sinusoids that share a decay; none where no start comes to rest."""
     scaled = (data - data.mean(axis=1, keepdims=True)) * weight
     elapsed = times - times[0]
-    spread = scaled / scaled.std(axis=1, keepdims=True)
-    starts = []
-    for heard in rates(elapsed, np.stack([filled(times, row) for row in spread])):
-        for chosen in combinations(heard[:4], count):
-            starts.append((np.sort(np.imag(chosen)), 1 / max(float(np.mean(-np.real(chosen))), 1e-3)))
-    if not starts:
-        return None
-    starts = starts[:MOST_STARTS]
-    starts += [starts[0]] * (MOST_STARTS - len(starts))  # one compiled program serves every record
-    Omega = jnp.asarray(np.stack([s[0] for s in starts]))
-    tau = jnp.asarray(np.array([s[1] for s in starts]))
-    every = _from_each(jnp.asarray(elapsed), jnp.asarray(scaled.T), Omega, tau)
-    cost = np.where(np.asarray(every.converged), np.asarray(every.power), np.inf)
-    if not np.isfinite(cost).any():
-        return None
-    best: DampedSinusoids = jax.tree.map(lambda a: a[int(np.argmin(cost))], every)
-    turn = np.outer(np.asarray(best.damped), elapsed)
-    fade = np.exp(-elapsed / float(best.tau))
-    curve = np.asarray(best.offset)[:, None] + fade * (
-        np.asarray(best.cosine).T @ np.cos(turn) + np.asarray(best.sine).T @ np.sin(turn)
-    )
-    varied = count + 1 + data.shape[0] * (2 * count + 1)
-    name = MODELS[count - 1]
-    return _row(name, (curve - scaled).ravel(), varied, data, weight, noise, Outcome.OK)
-
-
-@jax.jit
-def _from_each(times: jax.Array, values: jax.Array, damped: jax.Array, tau: jax.Array) -> DampedSinusoids:
-    """`minimum` from each start."""
-    return jax.vmap(minimum, in_axes=(None, None, None, 0, 0))(times, values, jnp.ones_like(times), damped, tau)
+    rows = []
+    for endings in model_orders(elapsed, scaled):
+        if not endings or not endings[0].at_rest:
+            continue
+        best = endings[0]
+        varied = best.unknowns.size + best.linear.size
+        left = (best.curve(elapsed) - scaled).ravel()
+        rows.append(_row(MODELS[best.model.modes - 1], left, varied, data, weight, noise, Outcome.OK))
+    return rows
 
 
 def _verdict(rows: list[Row]) -> str:

@@ -9,6 +9,7 @@ import pytest
 from jshell.calibration import compare, fit_trajectories
 from jshell.calibration.profile import profile
 from jshell.errors import BadName, BadValue, Outcome
+from jshell.trace import Trace
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore::jshell.errors.RangeWarning"),
@@ -150,13 +151,20 @@ def test_every_bad_problem_is_flagged_and_hardly_a_good_one(flags):
     assert len(false) <= 10
 
 
-@pytest.mark.slow
+def test_models_weighed_by_errors_that_change_are_refused(trace):
+    sigma = {"V": np.linspace(1.0, 2.0, trace.times.size), "S": np.ones(trace.times.size)}
+    with pytest.raises(BadValue, match="change from sample to sample"):
+        compare(Trace(trace.times, trace.channels, trace.conditions, sigma))
+
+
+@pytest.mark.long
 def test_models_side_by_side_say_what_the_record_holds(trace):
     found = compare(trace)
     assert {row.name for row in found.rows} == {"one mode", "two modes", "three modes", "modal", "strict"}
     assert found.rows[0].name == "strict"
     assert found["one mode"].bic > found["two modes"].bic + 100
     assert found["modal"].chi_square == pytest.approx(found["two modes"].chi_square, rel=1e-6)
+    assert found["three modes"].chi_square < found["two modes"].chi_square
     assert found["strict"].white
     assert "holds two modes" in found.verdict
     assert "strict oscillator describes" in found.verdict
