@@ -336,7 +336,7 @@ def bootstrap() -> None:
 
 FIRST = """
 import time; began = time.perf_counter()
-import resource, warnings, numpy as np
+import warnings, numpy as np
 warnings.simplefilter("ignore")
 import jshell
 from jshell.trace import Trace
@@ -344,7 +344,8 @@ data = np.load({path!r})
 trace = Trace(data["t"], {{"V": data["V"], "S": data["S"]}}, jshell.Reduced(*data["c"]))
 found = jshell.calibration.fit_trajectories(trace)
 spent = time.perf_counter() - began
-print(spent, time.process_time(), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6, found.outcome.word)
+peak = next(int(line.split()[1]) for line in open("/proc/self/status") if line.startswith("VmHWM"))  # kB
+print(spent, time.process_time(), peak / 1e6, found.outcome.word)
 """
 
 
