@@ -156,7 +156,7 @@ def simulate(
     trace = dataclasses.replace(trace, scales=problem.scales, outcome=int(outcome))
     write_finite(out, trace, units=output.units)
     if isinstance(made, jshell.dynamics.Motion):
-        draw(made, film, gif)
+        draw(made, film, gif, problem.scales)
     ok = outcome == Outcome.OK
     if ok and not buckled(trace):
         log("warning: no dimple at the end of the run: raise the outer pressure (R snaps at 1.62), or run longer")
@@ -179,10 +179,10 @@ def simulate(
     finish(outcome)
 
 
-def draw(motion: "jshell.dynamics.Motion", film: Path | None, gif: Path | None) -> None:
+def draw(motion: "jshell.dynamics.Motion", film: Path | None, gif: Path | None, scales: "jshell.Scales | None") -> None:
     """Write the pictures that were asked for."""
     if film is not None:
-        jshell.plot.save(jshell.plot.filmstrip(motion), film)
+        jshell.plot.save(jshell.plot.filmstrip(motion, scales=scales), film)
     if gif is not None:
         jshell.plot.animate(motion, gif)
 
