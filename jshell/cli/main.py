@@ -12,7 +12,7 @@ from jshell.cli.output import Verbs, log
 
 # A verb, the module and the name in it, and the first sentence of its own docstring.
 VERBS = {
-    "demo": ("demo", "Rest, vibrate, buckle, listen, fit: the whole of jshell on the source's configuration R."),
+    "demo": ("demo", "Rest, vibrate, buckle, analyse, fit: the whole of jshell on the source's configuration R."),
     "rest": ("statics", "Rest shape: volume, area and inner pressure of a shell at a load, or at a volume."),
     "branch": (
         "statics",
@@ -147,7 +147,7 @@ def _current(word: str) -> str:
 
 app = typer.Typer(
     cls=LazyVerbs,
-    help="Buckling spherical shells in a liquid: simulate, listen, fit.",
+    help="Buckling spherical shells in a liquid: simulate, analyse, fit.",
     no_args_is_help=True,
     add_completion=False,
 )
@@ -165,4 +165,4 @@ def common(
         bool | None, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
     ] = None,
 ) -> None:
-    """Buckling spherical shells in a liquid: simulate, listen, fit."""
+    """Buckling spherical shells in a liquid: simulate, analyse, fit."""
