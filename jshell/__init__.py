@@ -1,4 +1,4 @@
-"""Buckling spherical shells in a liquid: simulate, listen, fit.
+"""Buckling spherical shells in a liquid: simulate, analyse, fit.
 
 Rooms and names are loaded when they are first used, so that a terminal's help
 and a script that reads one file need not wait for JAX.

@@ -119,6 +119,10 @@ UNITS: dict[str, tuple[str, float]] = {
     "MPa": ("pressure", 1e6),
     "bar": ("pressure", 1e5),
     "J": ("energy", 1.0),
+    "mJ": ("energy", 1e-3),
+    "µJ": ("energy", 1e-6),
+    "nJ": ("energy", 1e-9),
+    "pJ": ("energy", 1e-12),
 }
 # Units a laboratory reads, largest first.
 LABORATORY = {
@@ -129,7 +133,7 @@ LABORATORY = {
     "speed": ("m/s", "mm/s"),
     "volume rate": ("mL/s", "mm^3/s", "µm^3/s"),
     "pressure": ("MPa", "kPa", "Pa"),
-    "energy": ("J",),
+    "energy": ("J", "mJ", "µJ", "nJ", "pJ"),
 }
 POWERS = str.maketrans({"2": "²", "3": "³", "^": None})  # of a unit in print
 SI_UNIT = {

@@ -106,7 +106,7 @@ class FitOptions:
     noise: str = choice(
         "auto",
         "what the noise is taken to be",
-        {"auto": "what the residual shows, autocorrelated where it is", "white": "white"},
+        {"auto": "what the residual shows, autocorrelated where it is", "white": "independent from sample to sample"},
     )
     channels: Sequence[str] | None = choice(None, "channels to read; those of V, S, H and W by default")
     start: float | int | None = choice(

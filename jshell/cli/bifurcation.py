@@ -23,8 +23,8 @@ class SweepOptions:
     highest: Annotated[float, typer.Option(help="Largest amplitude / (E d/R0).")]
     lowest: Annotated[float, typer.Option(help="Least amplitude / (E d/R0).")] = 0.001
     lanes: Annotated[int, typer.Option(help="How many amplitudes.")] = 400
-    periods: Annotated[int, typer.Option(help="Of the tone, for each amplitude.")] = 200
-    keep: Annotated[int, typer.Option(help="Periods looked at, at the end.")] = 50
+    periods: Annotated[int, typer.Option(help="Periods of the tone that each amplitude is run for.")] = 200
+    keep: Annotated[int, typer.Option(help="Last periods, in which repetition is looked for.")] = 50
 
 
 @speaking
@@ -36,7 +36,7 @@ def bifurcation(
     damped: Damped,
     sweep: SweepOptions,
     angular_frequency: Annotated[
-        float | None, typer.Option("--pulsation", help="Angular frequency of the tone; default the slow mode's.")
+        float | None, typer.Option("--omega", help="Angular frequency of the tone; by default the slow mode's.")
     ] = None,
     tau: decays.Tau = None,
     plot: Picture = None,
@@ -76,9 +76,9 @@ def bifurcation(
             "period": found.period,
             "volume_over_V0": np.asarray(found.volume).T / jshell.shell.SPHERE_VOLUME,
         }
-        kinds = {"pulsation": "angular frequency", "first_ended": "pressure"}
-        units = problem.si({"pulsation": angular_frequency, "first_ended": first}, kinds)
-        say({"pulsation": angular_frequency, "lanes": rows, "first_ended": first, **units, "decay": decay.record(),
+        kinds = {"omega": "angular frequency", "first_ended": "pressure"}
+        units = problem.si({"omega": angular_frequency, "first_ended": first}, kinds)
+        say({"omega": angular_frequency, "lanes": rows, "first_ended": first, **units, "decay": decay.record(),
              "plot": None if plot is None else str(plot), "conditions": problem.record()})  # fmt: skip
     else:
         words = {0: "does not repeat within 8 periods", 1: "repeats every period"}

@@ -12,7 +12,9 @@ from jshell.cli.destinations import writable
 from jshell.cli.output import NOT_OK, Json, Verbs, log, say, speaking, table
 from jshell.errors import BadFile
 
-app = typer.Typer(cls=Verbs, help="Many simulations: designed, run, catalogued.", no_args_is_help=True)
+app = typer.Typer(
+    cls=Verbs, help="Many simulations: designed, run, catalogued.", no_args_is_help=True, add_completion=False
+)
 Folder = Annotated[Path | None, typer.Argument(help="A campaign's folder; the one that comes with jshell if none.")]
 Engine = Annotated[str, typer.Option(help="Where runs are done: inline, processes, processes:N, tcp://host:port.")]
 OUT = Path("out/campaign")

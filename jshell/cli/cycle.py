@@ -23,8 +23,8 @@ class CycleOptions:
     low: Annotated[float, typer.Option(help="Least outer pressure / (E d/R0).")]
     high: Annotated[float, typer.Option(help="Largest outer pressure / (E d/R0).")]
     period: Annotated[float, typer.Option(help="Length of one cycle.")] = 400.0
-    cycles: Annotated[int, typer.Option(help="How many.")] = 2
-    samples: Annotated[int, typer.Option(help="A cycle.")] = 1000
+    cycles: Annotated[int, typer.Option(help="How many cycles.")] = 2
+    samples: Annotated[int, typer.Option(help="Samples in a cycle.")] = 1000
 
 
 @speaking

@@ -48,7 +48,7 @@ def demo(
     elements: Annotated[int, typer.Option(help="Spline elements from pole to pole.")] = 24,
     as_json: Json = False,
 ) -> None:
-    """Rest, vibrate, buckle, listen, fit: the whole of jshell on the source's configuration R."""
+    """Rest, vibrate, buckle, analyse, fit: the whole of jshell on the source's configuration R."""
     if out.exists() and not out.is_dir():
         raise BadFile("--out", found=f"the file {out}", expected="a folder", remedy="Choose another name.")
     out.mkdir(parents=True, exist_ok=True)

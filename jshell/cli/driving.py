@@ -69,7 +69,11 @@ Bulk = Annotated[
 ]
 Order = Annotated[
     int,
-    typer.Option("--order", help="Of the Stokes layer in √η̂: 2, or 1 for the layer alone.", rich_help_panel=_LOSSES),
+    typer.Option(
+        "--order",
+        help="Order of the liquid's losses in √η̂: 2, or 1 for the Stokes layer alone.",
+        rich_help_panel=_LOSSES,
+    ),
 ]
 WallDilatation = Annotated[
     float | None,

@@ -23,8 +23,10 @@ ENDINGS = (".csv", ".py", ".apecss")
 def export(
     problem: Case,
     damped: Damped,
-    path: Annotated[Path, typer.Argument(help="Law to write: .csv a table, .py for jbubble, .apecss for APECSS.")],
-    along: Annotated[str, typer.Option(help="mode, right for sound; rest, right for slow loads.")] = "mode",
+    path: Annotated[Path, typer.Argument(help="File of the law: .csv a table, .py for jbubble, .apecss for APECSS.")],
+    along: Annotated[
+        str, typer.Option(help="How area goes with volume: mode, as in the slow mode, for sound; rest, for slow loads.")
+    ] = "mode",
     tau: decays.Tau = None,
     as_json: Json = False,
 ) -> None:
@@ -56,7 +58,7 @@ def export(
         "stiffening": law.stiffening,
     }
     if as_json:
-        say({"outcome": Outcome.OK, **numbers, "along": along, "out": str(path), "pulsation": omega * time})
+        say({"outcome": Outcome.OK, **numbers, "along": along, "out": str(path), "omega": omega * time})
     else:
         typer.echo(table(list(numbers.items()), ("law of the buckled shell", "value")))
     finish(Outcome.OK)

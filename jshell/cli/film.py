@@ -8,11 +8,13 @@ import numpy as np
 import typer
 
 import jshell
+from jshell.cli.amounts import amount
 from jshell.cli.destinations import drawable, traceable
 from jshell.cli.output import Json, finish, log, say, speaking
 from jshell.cli.problem import with_options
 from jshell.cli.traces import signature_table, told
 from jshell.errors import BadValue
+from jshell.quantities import POWERS, UNITS, laboratory_unit, quantity
 
 
 @dataclass(frozen=True)
@@ -20,7 +22,14 @@ class ViewOptions:
     """What the camera saw."""
 
     rate: Annotated[float | None, typer.Option(help="Frames per second; without it, the film's own.")] = None
-    pixel: Annotated[float | None, typer.Option(help="Size of a pixel at the shell [m]; without it, pixels.")] = None
+    pixel: Annotated[
+        float | None,
+        typer.Option(
+            parser=amount("length"),
+            metavar="<number>",
+            help="Size of a pixel at the shell [m], or as 0.517mm; without it, pixels.",
+        ),
+    ] = None
     bright: Annotated[bool, typer.Option("--bright", help="The shell is brighter than what surrounds it.")] = False
     axis: Annotated[str, typer.Option(help="Direction of the axis in degrees, 90 is upright; or `find`.")] = "90"
     holder: Annotated[str | None, typer.Option(help="TOP:BOTTOM:LEFT:RIGHT pixels of the holder, left out.")] = None
@@ -39,13 +48,17 @@ class FileOptions:
     overlay: Annotated[Path | None, typer.Option(help="Strip of frames with their outlines to draw.")] = None
 
 
+def _time(flag: str, words: str) -> Any:
+    return typer.Option(flag, parser=amount("time"), metavar="<number>", help=words)
+
+
 @dataclass(frozen=True)
 class RingingOptions:
     """Whether frequencies are sought, and in which window."""
 
     analyse: Annotated[bool, typer.Option("--analyse", help="Go on to frequencies and decay time.")] = False
-    start: Annotated[float | None, typer.Option("--from", help="Window's start [s].")] = None
-    stop: Annotated[float | None, typer.Option("--to", help="Window's end [s].")] = None
+    start: Annotated[float | None, _time("--from", "Window's start [s], or as 20ms.")] = None
+    stop: Annotated[float | None, _time("--to", "Window's end [s], or as 90ms.")] = None
 
 
 @speaking
@@ -90,8 +103,8 @@ def film(
         say(record | ({} if signature is None else {"signature": signature.record()}))
     else:
         for name in found.trace.channels:
-            unit = ("px" if pixel is None else "m") + {"V": "³", "volume": "³", "S": "²", "area": "²"}.get(name, "")
-            typer.echo(f"{name}: mean {record[name]['mean']:.6g} {unit}, ± {record[name]['sigma']:.2g} {unit} a frame")
+            typer.echo(f"{name}: mean {_told(record[name]['mean'], name, pixel, 6)}, ± "
+                       f"{_told(record[name]['sigma'], name, pixel, 2)} a frame")  # fmt: skip
         if signature is not None:
             typer.echo(signature_table(signature))
     if signature is not None:
@@ -99,6 +112,15 @@ def film(
             if text:
                 log(text)
         finish(signature.outcome, sound=signature.sound)
+
+
+def _told(number: float, name: str, pixel: float | None, digits: int) -> str:
+    """A measured number in pixels, or in a unit of the laboratory's."""
+    dimension = quantity(name).dimension
+    if pixel is None:
+        return f"{number:.{digits}g} px" + {"volume": "³", "area": "²"}.get(dimension, "")
+    unit = laboratory_unit(dimension, number)
+    return f"{number / UNITS[unit][1]:.{digits}g} {unit.translate(POWERS)}"
 
 
 def _angle(text: str) -> float | None:

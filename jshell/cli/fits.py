@@ -29,7 +29,7 @@ def fit(
     ] = None,
     reading: Any = None,
     table: Annotated[Path | None, typer.Option(help="Table of frequencies (CSV) instead of traces.")] = None,
-    weighting: Annotated[str, typer.Option(help=f"{words_of('weighting')}.")] = "V_e omega",
+    weighting: Annotated[str, typer.Option(help=f"W{words_of('weighting')[1:]}.")] = "V_e omega",
     meta: Annotated[Path | None, typer.Option(help="Conditions (JSON) for files without them.")] = None,
     options: Any = None,
     profile: Annotated[bool, typer.Option(help="Asymmetric 95% intervals by profile likelihood.")] = False,

@@ -9,6 +9,7 @@ import numpy as np
 import typer
 
 import jshell
+from jshell.cli.amounts import read_amount
 from jshell.cli.destinations import Picture, drawable
 from jshell.cli.output import Json, finish, log, say, speaking
 from jshell.cli.problem import with_options
@@ -16,6 +17,8 @@ from jshell.cli.reading import takes_reading
 from jshell.errors import BadValue
 
 FREE = (-np.inf, np.inf)
+LENGTHS, PRESSURES = ("radius", "thickness"), ("youngs_modulus", "gas_pressure", "outer_pressure")
+DIMENSIONS = dict.fromkeys(LENGTHS, "length") | dict.fromkeys(PRESSURES, "pressure")  # of what may come with a unit
 
 
 @dataclass(frozen=True)
@@ -27,7 +30,8 @@ class UnknownOptions:
         typer.Option(help="youngs_modulus,gas_pressure,…: what is asked; may be repeated."),
     ] = None
     known: Annotated[
-        list[str] | None, typer.Option(help="NAME=VALUE [SI, or without units], over the header's; may be repeated.")
+        list[str] | None,
+        typer.Option(help="NAME=VALUE, as thickness=5mm; without a unit in SI; over the header's; may be repeated."),
     ] = None
     prior: Annotated[list[str] | None, typer.Option(help="NAME=MEAN:ERROR of an unknown; may be repeated.")] = None
     bounds: Annotated[list[str] | None, typer.Option(help="NAME=LOW:HIGH of an unknown; may be repeated.")] = None
@@ -130,11 +134,15 @@ def _split(texts: Sequence[str]) -> list[str]:
 
 def _pair(text: str, place: str) -> tuple[str, float]:
     name, _, value = text.partition("=")
+    name = name.strip()
     try:
-        return name.strip(), float(value)
+        return name, read_amount(value, DIMENSIONS[name]) if name in DIMENSIONS else float(value)
     except ValueError:
         raise BadValue(
-            place, found=repr(text), expected="NAME=NUMBER", remedy=f"Write {place} thickness=5e-3"
+            place,
+            found=repr(text),
+            expected="NAME=NUMBER, with a unit or in SI",
+            remedy=f"Write {place} thickness=5e-3, or thickness=5mm.",
         ) from None
 
 

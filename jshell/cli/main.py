@@ -8,11 +8,11 @@ from rich.markup import escape
 from typer.core import TyperCommand
 
 from jshell import __version__
-from jshell.cli.output import Verbs
+from jshell.cli.output import Verbs, log
 
 # A verb, the module and the name in it, and the first sentence of its own docstring.
 VERBS = {
-    "demo": ("demo", "Rest, vibrate, buckle, listen, fit: the whole of jshell on the source's configuration R."),
+    "demo": ("demo", "Rest, vibrate, buckle, analyse, fit: the whole of jshell on the source's configuration R."),
     "rest": ("statics", "Rest shape: volume, area and inner pressure of a shell at a load, or at a volume."),
     "branch": (
         "statics",
@@ -57,11 +57,11 @@ VERBS = {
     ),
     "softening": (
         "softening",
-        "Angular frequencies before over after buckling, with the simulator's own modes beside them where stored.",
+        "Fall of the angular frequencies through buckling, with the simulator's own modes beside them where stored.",
     ),
     "sensitivity": (
         "sensitivity",
-        "Elasticities of a number at a shell; with --range, Sobol indices; with --next, which shell to measure next.",
+        "Percent that a number changes with 1 % of each input; --range: Sobol indices; --next: which shell to measure.",
     ),
     "design": ("design", "Thickness and gas pressure of the shells that have two wanted frequencies."),
     "doctor": (
@@ -104,18 +104,20 @@ def load(name: str) -> Any:
         alone.command()(verb)
         found = typer.main.get_command(alone)
     found.name = name
-    _show_brackets(found)
+    _make_readable(found)
     return found
 
 
-def _show_brackets(command: Any) -> None:
-    """Keep units in help: Rich, which prints it, takes `[m]` for the name of a style."""
+def _make_readable(command: Any) -> None:
+    """Keep units in help, since Rich takes `[m]` for the name of a style; a flag takes no value, so say no type."""
     command.help = escape(command.help or "")
-    for param in command.params:
+    for param in command.get_params(typer.Context(command)):  # with --help itself
         if getattr(param, "help", None):
             param.help = escape(param.help)
+        if getattr(param, "is_flag", False):
+            param.metavar = ""
     for each in getattr(command, "commands", {}).values():
-        _show_brackets(each)
+        _make_readable(each)
 
 
 class LazyVerbs(Verbs):
@@ -129,12 +131,23 @@ class LazyVerbs(Verbs):
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
         """The command that the first word names, and the other words."""
         name, found, rest = super().resolve_command(ctx, args)
-        return name, found if name is None else load(name), rest
+        return name, found if name is None else load(name), [_current(word) for word in rest]
+
+
+FORMER = {"--pulsation": "--omega"}  # options that had another name, for one release
+
+
+def _current(word: str) -> str:
+    flag, equals, value = word.partition("=")
+    if flag not in FORMER:
+        return word
+    log(f"warning: {flag} is now {FORMER[flag]}")
+    return FORMER[flag] + equals + value
 
 
 app = typer.Typer(
     cls=LazyVerbs,
-    help="Buckling spherical shells in a liquid: simulate, listen, fit.",
+    help="Buckling spherical shells in a liquid: simulate, analyse, fit.",
     no_args_is_help=True,
     add_completion=False,
 )
@@ -152,4 +165,4 @@ def common(
         bool | None, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
     ] = None,
 ) -> None:
-    """Buckling spherical shells in a liquid: simulate, listen, fit."""
+    """Buckling spherical shells in a liquid: simulate, analyse, fit."""

@@ -15,6 +15,7 @@ from typing import Annotated, Any
 import typer
 
 import jshell
+from jshell.cli.amounts import amount
 from jshell.cli.output import table
 from jshell.errors import BadValue
 from jshell.quantities import POWERS, SI_UNIT, UNITS, laboratory_unit
@@ -92,7 +93,13 @@ def named(conditions: "jshell.Reduced") -> dict[str, float]:
 PURE = ("d_hat", "p0_hat", "pext_hat", "eta_hat")
 SI = ("r0", "d", "e", "p0", "pext", "rho", "eta")
 _REDUCED = "Conditions without units"
-_SI = "Conditions in SI"
+_SI = "Conditions with units"
+
+
+def _amount(flag: str, dimension: str, words: str) -> Any:
+    return typer.Option(flag, parser=amount(dimension), metavar="<number>", help=words, rich_help_panel=_SI)
+
+
 Preset = Annotated[
     str | None, typer.Option("--preset", help="Named shell: R, R-macro, R-micro; other options override it.")
 ]
@@ -104,13 +111,13 @@ PextHat = Annotated[
 EtaHat = Annotated[
     float | None, typer.Option("--eta-hat", help="Viscosity / sqrt(E d rho R0).", rich_help_panel=_REDUCED)
 ]
-Kappa = Annotated[float | None, typer.Option("--kappa", help="Polytropic exponent of the gas [1.4].")]
-Nu = Annotated[float | None, typer.Option("--nu", help="Poisson ratio [0.5].")]
-R0 = Annotated[float | None, typer.Option("--r0", help="Radius [m].", rich_help_panel=_SI)]
-D = Annotated[float | None, typer.Option("--d", help="Thickness [m].", rich_help_panel=_SI)]
-E = Annotated[float | None, typer.Option("--e", help="Young's modulus [Pa].", rich_help_panel=_SI)]
-P0 = Annotated[float | None, typer.Option("--p0", help="Gas pressure [Pa].", rich_help_panel=_SI)]
-Pext = Annotated[float | None, typer.Option("--pext", help="Outer pressure [Pa].", rich_help_panel=_SI)]
+Kappa = Annotated[float | None, typer.Option("--kappa", help="Polytropic exponent of the gas; 1.4 by default.")]
+Nu = Annotated[float | None, typer.Option("--nu", help="Poisson ratio; 0.5 by default.")]
+R0 = Annotated[float | None, _amount("--r0", "length", "Radius [m], or as 22.5mm.")]
+D = Annotated[float | None, _amount("--d", "length", "Thickness [m], or as 126nm.")]
+E = Annotated[float | None, _amount("--e", "pressure", "Young's modulus [Pa], or as 0.5MPa.")]
+P0 = Annotated[float | None, _amount("--p0", "pressure", "Gas pressure [Pa], or as 100kPa.")]
+Pext = Annotated[float | None, _amount("--pext", "pressure", "Outer pressure [Pa], or as 176kPa.")]
 Rho = Annotated[float | None, typer.Option("--rho", help="Density of the liquid [kg/m^3].", rich_help_panel=_SI)]
 Eta = Annotated[float | None, typer.Option("--eta", help="Viscosity of the liquid [Pa s].", rich_help_panel=_SI)]
 

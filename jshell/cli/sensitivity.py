@@ -25,7 +25,7 @@ class SobolOptions:
         typer.Option("--range", help="INPUT=LOW,HIGH or INPUT=LOW,HIGH,log; with it, Sobol indices."),
     ] = None
     rows: Annotated[int, typer.Option(help="Rows of the sampling plan, a power of two.")] = 1024
-    seed: Annotated[int, typer.Option(help="Of the sampling plan.")] = 0
+    seed: Annotated[int, typer.Option(help="Seed of the sampling plan.")] = 0
     missing: Annotated[str, typer.Option(help="Runs that give no number: refuse or drop.")] = "refuse"
 
 
@@ -51,7 +51,7 @@ def sensitivity(
     plot: Picture = None,
     as_json: Json = False,
 ) -> None:
-    """Elasticities of a number at a shell; with --range, Sobol indices; with --next, which shell to measure next."""
+    """Percent that a number changes with 1 % of each input; --range: Sobol indices; --next: which shell to measure."""
     drawable(plot)
     constants = damped.constants
     if following:

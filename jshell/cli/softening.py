@@ -22,7 +22,7 @@ def softening(
     d_hat: Annotated[float, typer.Option("--d-hat", help="Thickness d/R0.")] = 0.02,
     p0_hat: Annotated[float, typer.Option("--p0-hat", help="Gas pressure / (E d/R0).")] = 0.4,
     highest: Annotated[
-        float | None, typer.Option(help="Largest outer pressure / (E d/R0); default 1.4 times the buckling load.")
+        float | None, typer.Option(help="Largest outer pressure / (E d/R0); by default 1.4 times the buckling load.")
     ] = None,
     points: Annotated[int, typer.Option(help="Outer pressures looked at.")] = 200,
     whole_map: Annotated[
@@ -31,7 +31,7 @@ def softening(
     plot: Picture = None,
     as_json: Json = False,
 ) -> None:
-    """Angular frequencies before over after buckling, with the simulator's own modes beside them where stored."""
+    """Fall of the angular frequencies through buckling, with the simulator's own modes beside them where stored."""
     drawable(plot)
     if not (d_hat > 0 and p0_hat > 0 and points > 1):
         raise BadValue(

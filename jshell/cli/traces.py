@@ -1,6 +1,7 @@
 """`jshell simulate` and `jshell analyse`: make a trace, analyse a trace."""
 
 import dataclasses
+import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -40,7 +41,7 @@ class TimeOptions:
     ramp: Annotated[float, typer.Option(help="Time the outer pressure takes from P0 to Pext; 0 is a step.")] = 25.0
     duration: Annotated[float, typer.Option(help="Length of the run.")] = 70.0
     every: Annotated[float, typer.Option(help="Spacing of the samples.")] = 0.05
-    step: Annotated[float, typer.Option(help="Longest time step.")] = LONGEST_STEP
+    step: Annotated[float, typer.Option(help="Longest time step.", show_default="1/60")] = LONGEST_STEP
 
 
 @dataclasses.dataclass(frozen=True)
@@ -155,7 +156,7 @@ def simulate(
     trace = dataclasses.replace(trace, scales=problem.scales, outcome=int(outcome))
     write_finite(out, trace, units=output.units)
     if isinstance(made, jshell.dynamics.Motion):
-        draw(made, film, gif)
+        draw(made, film, gif, problem.scales)
     ok = outcome == Outcome.OK
     if ok and not buckled(trace):
         log("warning: no dimple at the end of the run: raise the outer pressure (R snaps at 1.62), or run longer")
@@ -178,10 +179,10 @@ def simulate(
     finish(outcome)
 
 
-def draw(motion: "jshell.dynamics.Motion", film: Path | None, gif: Path | None) -> None:
+def draw(motion: "jshell.dynamics.Motion", film: Path | None, gif: Path | None, scales: "jshell.Scales | None") -> None:
     """Write the pictures that were asked for."""
     if film is not None:
-        jshell.plot.save(jshell.plot.filmstrip(motion), film)
+        jshell.plot.save(jshell.plot.filmstrip(motion, scales=scales), film)
     if gif is not None:
         jshell.plot.animate(motion, gif)
 
@@ -245,15 +246,33 @@ def analyse(
     finish(found.outcome, sound=found.sound)
 
 
+def _with_unit(value: float | None, error: float | None, size: float | None, unit: str) -> str | None:
+    """A number and its error, both times a size, to the digits that the error leaves."""
+    if value is None or size is None:
+        return None
+    if error is None or not (math.isfinite(error) and error > 0):
+        return f"{size * value:.5g} {unit}"
+    places = max(0, 1 - math.floor(math.log10(size * error)))
+    return f"{size * value:.{places}f} ± {size * error:.{places}f} {unit}"
+
+
 def signature_table(found: "jshell.signals.Signature") -> str:
     """A signature as text."""
-    error = found.stderr
-    shown = lambda value, unit: None if value is None else f"{value:.5g} {unit}"  # noqa: E731
-    milliseconds = None if found.tau_s is None else 1e3 * found.tau_s
+    error, hertz = found.stderr, found.frequency_unit
+    ms = None if hertz is None else 1e3 / (2 * math.pi * hertz)
+    seconds = hertz is not None and math.isclose(2 * math.pi * hertz, 1.0)  # the record's own time, not a shell's
     rows: list[tuple] = [
-        ("slow frequency ω−", found.omega_minus, error.get("omega_minus"), shown(found.f_minus_Hz, "Hz")),
-        ("fast frequency ω+", found.omega_plus, error.get("omega_plus"), shown(found.f_plus_Hz, "Hz")),
-        ("decay time τ", found.tau, error.get("tau"), shown(milliseconds, "ms")),
+        (
+            f"{words}{f' [{own}]' if seconds else ''}",
+            value,
+            error.get(key),
+            _with_unit(value, error.get(key), size, unit),
+        )
+        for words, own, key, value, size, unit in (
+            ("slow frequency ω−", "rad/s", "omega_minus", found.omega_minus, hertz, "Hz"),
+            ("fast frequency ω+", "rad/s", "omega_plus", found.omega_plus, hertz, "Hz"),
+            ("decay time τ", "s", "tau", found.tau, ms, "ms"),
+        )
     ]
     rows += [(f"A+/A− on {name}", ratio, None, None) for name, ratio in found.amplitude_ratio.items()]
     rows += [("residual / signal", found.residual, None, None), ("modes needed", found.verdict, None, None)]

@@ -67,14 +67,14 @@ def damping(runs: ShellRuns) -> Figure:
         big = free & ~runs.small
         thin = big & (runs.viscosity <= ETA_LAYER)
         ax.plot(reynolds[thin], (runs.viscosity * runs.tau)[thin], "o", color=BLUE, markeredgecolor="white",
-                markeredgewidth=0.5, label="heard after the snap", zorder=3)  # fmt: skip
+                markeredgewidth=0.5, label="extracted after the snap", zorder=3)  # fmt: skip
         thick = big & ~thin
         ax.plot(reynolds[thick], (runs.viscosity * runs.tau)[thick], "o", color=BLUE, markerfacecolor="white",
                 label=f"η̂ > {ETA_LAYER:g}: no thin layer", zorder=3)  # fmt: skip
         small = free & runs.small
         if small.any():
             ax.plot(reynolds[small], (runs.viscosity * runs.tau)[small], "s", color=ORANGE, markeredgecolor="white",
-                    markeredgewidth=0.5, label="heard after a small kick", zorder=3)  # fmt: skip
+                    markeredgewidth=0.5, label="extracted after a small kick", zorder=3)  # fmt: skip
         tau = runs.decay[:, 0]
         ax.plot(reynolds[free], (runs.viscosity * tau)[free], "_", color=VERMILION, markersize=7, markeredgewidth=1.3,
                 label="slow mode in its Stokes layer", zorder=2)  # fmt: skip
@@ -127,7 +127,7 @@ def spheres(found: Spheres) -> Figure:
         for ax in (left, right):
             ax.set_xlabel("gas pressure P̂₀ [E d/R₀]")
         left.set_ylabel("angular frequency of the sphere ω̂ [√(E d/ρ R₀³)]")
-        right.set_ylabel("ω̂ heard over eq. wsphere")
+        right.set_ylabel("ω̂ extracted over eq. wsphere")
         left.legend(loc="upper left")
         right.legend(loc="center right")
         left.set_title(r"$\bf{(a)}$  angular frequencies", loc="left")

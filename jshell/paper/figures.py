@@ -36,7 +36,7 @@ PAD = 0.3272  # half-angle of the pad that holds the attached shell [rad]
 SNAP_LOAD = 1.62  # outer pressure of the run that is drawn in pictures: the weak spot buckles R there for certain
 PRESSURES = (0.5, 1.5)  # beside R in fig:oscill; the nearest of the campaign are taken
 TOGETHER = ("V", "H", "W")
-LIQUIDS = (0.0006, 0.013, 0.13, 1.3)  # viscosities of the kicks that are drawn
+LIQUIDS = (0.0006, 0.013, 0.13, 0.6)  # viscosities of the kicks drawn: thicker ones move less than stored digits show
 
 
 @runtime_checkable

@@ -45,7 +45,7 @@ MARK: dict[str, Any] = {
 PAGE_TOP = 3.0  # the master curve's page ends at so many times the middle ω+
 WORDS = ("thickness", "viscosity of R", "inner pressure")
 NAMED = (("alpha1", "α₁"), ("alpha2", "α₂"), ("k_vs", "k$_{VS}$"))
-HEARD_WORDS = "heard; in (c) P̂ₑₓₜ − P̂₀ fixed"
+HEARD_WORDS = "extracted; in (c) P̂ₑₓₜ − P̂₀ fixed"
 OMEGA = "slow angular frequency ω̂₋ [√(E d/ρ R₀³)]"
 
 
@@ -104,7 +104,7 @@ def master(readings: Sequence[JointFit], runs: ShellRuns) -> Figure:
     """
     by_key = {reading.key: reading for reading in readings}
     panels = (
-        ("identified", "identified range", "a", "heard after the snap"),
+        ("identified", "identified range", "a", "extracted after the snap"),
         ("modes", "modes range", "b", "small vibrations with Stokes layer"),
     )
     with style():
@@ -164,7 +164,7 @@ def every_run(runs: ShellRuns) -> Figure:
             ax.axhspan(-7.0, 7.0, color=PALE, alpha=0.45, linewidth=0, zorder=0, label="source's own box, ±7 %")
             for place, name in enumerate(families):
                 rows = runs.within(name)
-                _swarm(ax, place - 0.16, heard[rows, k], colour, "o", "heard" if place == 0 else None)
+                _swarm(ax, place - 0.16, heard[rows, k], colour, "o", "extracted" if place == 0 else None)
                 words = "mode with Stokes layer" if place == 0 else None
                 _swarm(ax, place + 0.16, modal[rows, k], GREY, "s", words)
             ax.set_xticks(range(len(families)), [name.replace("_", " ") for name in families], rotation=30, ha="right")

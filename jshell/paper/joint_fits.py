@@ -247,11 +247,11 @@ def calibrate(runs: ShellRuns) -> tuple[JointFit, ...]:
     snap = free & np.isfinite(runs.heard).all(axis=1) & ~runs.small
     modal, plain = runs.layered[:, :2], runs.undamped[:, :2]
     asked = (
-        ("heard", "heard after the snap, as the source does", snap, runs.heard),
+        ("heard", "extracted after the snap, as the source does", snap, runs.heard),
         ("on volume", "the same, on V alone", snap, runs.heard_on_volume),
-        ("identified", "heard, and nearest to modes 1, 2", snap, runs.identified),
+        ("identified", "extracted, nearest to modes 1, 2", snap, runs.identified),
         ("identified range", "the same, P̂₀ 0.36 to 1.8", snap & usual, runs.identified),
-        ("kick", "heard in small kicks", free & runs.small, runs.heard),
+        ("kick", "extracted after small kicks", free & runs.small, runs.heard),
         ("modes of heard", "modes 1, 2 of the shells that snapped", snap, modal),
         ("modes", "modes 1, 2 of all shells", free, modal),
         ("modes range", "the same, P̂₀ 0.36 to 1.8", free & usual, modal),

@@ -34,6 +34,8 @@ from jshell.plot.style import (
     style,
 )  # fmt: skip
 from jshell.plot.traces import reading
+from jshell.quantities import UNITS, laboratory_unit
+from jshell.shell import Scales
 from jshell.shell.elasticity import SPHERE_VOLUME
 
 REACH = 1.65  # half the side of a picture [R0]
@@ -63,7 +65,12 @@ class Arrows:
 
 
 def filmstrip(
-    motion: Motion, times: Sequence[float] | None = None, *, flow: bool = True, contours: bool = True
+    motion: Motion,
+    times: Sequence[float] | None = None,
+    *,
+    flow: bool = True,
+    contours: bool = True,
+    scales: Scales | None = None,
 ) -> Figure:
     """Moments of a run beside each other, and the contours of the last three laid over one another.
 
@@ -76,6 +83,7 @@ def filmstrip(
         flow: Whether to draw the liquid's velocity.
         contours: Whether to add the last picture; marks and arrows there are points of the wall and
             their way from the first of the three to the second.
+        scales: SI values of the units, as of `jshell.shell.scales`: moments are then told in ms or µs.
 
     Raises:
         BadValue: No times, or a time outside the run.
@@ -100,12 +108,12 @@ def filmstrip(
         for letter, ax, k, seen in zip("abcdefghijklmnopqrstuvwxyz", axes, samples, fields, strict=False):
             stretch = factor if k > deepest else 1
             _picture(ax, motion, k, seen, stretch * LONGEST / fast if fast > 0 else 0.0)
-            ax.set_title(f"({letter})  {_told(motion, k)}", loc="left")
+            ax.set_title(f"({letter})  {_told(motion, k, scales)}", loc="left")
             if stretch > 1 and seen is not None:
                 ax.text(0.98, 0.02, f"arrows ×{stretch}", transform=ax.transAxes, ha="right", va="bottom", fontsize=7)
         if contours:
             letter = "abcdefghijklmnopqrstuvwxyz"[len(samples) % 26]
-            _contours(axes[len(samples)], motion, samples[-3:])
+            _contours(axes[len(samples)], motion, samples[-3:], scales)
             axes[len(samples)].set_title(f"({letter})  contours", loc="left")
     return figure
 
@@ -274,12 +282,12 @@ def _thickness(motion: Motion, shape: Meridian) -> np.ndarray:
     return np.concatenate([thickness, thickness[-2::-1]])
 
 
-def _contours(ax: Axes, motion: Motion, samples: Sequence[int]) -> None:
+def _contours(ax: Axes, motion: Motion, samples: Sequence[int], scales: Scales | None) -> None:
     """Contours laid over each other, and the way of the wall's points from the first to the second."""
     looks = LATE[-len(samples) :]
     for k, colour in zip(samples, looks, strict=True):
         x, r = outline(meridian_at(motion, k), motion.coordinates[k])
-        ax.plot(x, r, color=colour, linewidth=1.1, label=f"t = {float(motion.trace.times[k]):.2f}")
+        ax.plot(x, r, color=colour, linewidth=1.1, label=_moment(motion, k, scales))
     shapes, _ = meridians(motion, np.linspace(0.0, np.pi, MATERIAL), samples=samples)
     x, r = np.asarray(shapes.x), np.asarray(shapes.r)
     x, r = np.concatenate([x, x], axis=1), np.concatenate([r, -r], axis=1)
@@ -320,9 +328,18 @@ def _rooted(seen: Arrows | None, fast: float) -> Arrows | None:
     return Arrows(seen.x, seen.r, factor * seen.v_x, factor * seen.v_r)
 
 
-def _told(motion: Motion, k: int) -> str:
+def _told(motion: Motion, k: int, scales: Scales | None = None) -> str:
     volume = float(motion.trace["V"][k]) / SPHERE_VOLUME
-    return f"t = {float(motion.trace.times[k]):.2f},  V/V₀ = {volume:.3f}"
+    return f"{_moment(motion, k, scales)},  V/V₀ = {volume:.3f}"
+
+
+def _moment(motion: Motion, k: int, scales: Scales | None) -> str:
+    """When a sample was taken, in time units or in one of the laboratory's."""
+    times = np.asarray(motion.trace.times)
+    if scales is None:
+        return f"t = {float(times[k]):.2f}"
+    unit = laboratory_unit("time", float(times[-1]) * float(scales.time))
+    return f"t = {float(times[k]) * float(scales.time) / UNITS[unit][1]:.1f} {unit}"
 
 
 def _centre(motion: Motion, k: int) -> float:

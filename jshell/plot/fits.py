@@ -14,7 +14,7 @@ from jshell.plot.style import BLUE, CHANNEL, ONE, Axes, new_figure, style
 from jshell.plot.traces import compare, reading
 from jshell.trace import Trace
 
-PROFILED = {"alpha1": "α₁", "alpha2": "α₂", "k_vs": "k_VS", "beta1": "β₁", "beta2": "β₂", "tau": "τ"}
+PROFILED = {"alpha1": "α₁", "alpha2": "α₂", "k_vs": r"k$_{\mathrm{VS}}$", "beta1": "β₁", "beta2": "β₂", "tau": "τ"}
 
 
 def trace_fit(

@@ -79,7 +79,7 @@ def response_curves(curves: ResponseCurve | tuple[ResponseCurve, ...], ax: Axes 
         ax.set_yscale("log")
         ax.set_xlabel(f"drive {DRIVE}")
         ax.set_ylabel("amplitude of V/V₀")
-        ax.legend(title="drive [E d/R₀]", title_fontsize=7.5, loc="best")
+        ax.legend(title="drive [E d/R₀]", title_fontsize=7.5, loc="upper left", bbox_to_anchor=(1.0, 1.0))
     return ax
 
 

@@ -57,6 +57,6 @@ def ranking(found: NextExperiment, names: list[str], ax: Axes | None = None) -> 
     with style():
         ax = axes_or_new(ax)
         ax.barh([names[k] for k in order], found.gain[order], color=BLUE, height=0.65)
-        ax.set_xlabel("rise of ln det F")
+        ax.set_xlabel("information gained: rise of ln det F")
         ax.set_ylabel("candidate d̂, P̂₀, P̂ₑₓₜ")
     return ax

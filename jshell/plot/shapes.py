@@ -14,7 +14,8 @@ from jshell.dynamics.vibrations import Modes
 from jshell.errors import BadShape, BadValue, Outcome
 from jshell.membrane import RestShape
 from jshell.plot.style import BLACK, FAST, GREY, PALE, PALETTE, SLOW, SQUARE, Axes, axes_or_new, style
-from jshell.quantities import quantity
+from jshell.quantities import UNITS, laboratory_unit, quantity
+from jshell.shell import Scales
 
 LARGEST = 0.15  # the largest displacement a mode is drawn with [R0]
 MARGIN = 0.05  # around everything drawn [R0]
@@ -66,7 +67,9 @@ def rest_shape(
     return ax
 
 
-def mode_shape(modes: Modes, k: int = 0, ax: Axes | None = None, scale: float | None = None) -> Axes:
+def mode_shape(
+    modes: Modes, k: int = 0, ax: Axes | None = None, scale: float | None = None, *, scales: Scales | None = None
+) -> Axes:
     """One vibration: the rest outline, and the two ends of the swing.
 
     Where there is loss the parts of the shell do not swing in step; drawn is the moment of the largest change
@@ -77,6 +80,8 @@ def mode_shape(modes: Modes, k: int = 0, ax: Axes | None = None, scale: float | 
         k: Which, 0 is the slowest.
         ax: Where to draw; by default on a new figure.
         scale: Factor on the normalised mode; by default its largest displacement is drawn as 0.15 R0.
+        scales: SI values of the units, as of `jshell.shell.scales`: lengths, frequency and decay time are then told in
+            mm or µm, Hz and ms or µs.
 
     Raises:
         BadValue: No such mode.
@@ -100,9 +105,11 @@ def mode_shape(modes: Modes, k: int = 0, ax: Axes | None = None, scale: float | 
         ax.plot(x, r, color=BLACK, linewidth=1.0, label="rest")
         ax.plot(*out, color=colour, linewidth=1.3, label=f"{symbol} up{scaled}")
         ax.plot(*back, color=colour, linewidth=1.0, linestyle=(0, (4, 2)), label=f"{symbol} down")
-        ax.text(0.5, 0.105, _rates(modes, k), transform=ax.transAxes, ha="center", va="bottom", fontsize=7.5)
+        ax.text(0.5, 0.105, _rates(modes, k, scales), transform=ax.transAxes, ha="center", va="bottom", fontsize=7.5)
         ax.legend(loc="lower center", ncols=3, columnspacing=0.9, handlelength=1.3, handletextpad=0.5)
         _frame(ax)
+        if scales is not None:
+            _in_laboratory_units(ax, float(scales.length))
     return ax
 
 
@@ -113,10 +120,28 @@ def _told(state: RestShape) -> str:
     return text if outcome == Outcome.OK else f"{text} ({outcome.word})"
 
 
-def _rates(modes: Modes, k: int) -> str:
+def _rates(modes: Modes, k: int, scales: Scales | None) -> str:
     text = f"ω = {float(modes.omega[k]):.3f}"
     tau = float(modes.tau[k])
+    if scales is not None:
+        f, tau = float(modes.omega[k]) * float(scales.frequency), tau * float(scales.time)
+        size, hertz = next((row for row in ((1e6, "MHz"), (1e3, "kHz")) if f >= row[0]), (1.0, "Hz"))
+        text = f"f = {f / size:.3g} {hertz}"
+        if not np.isfinite(tau):
+            return text
+        unit = laboratory_unit("time", tau)
+        return f"{text}, {quantity('tau').symbol} = {tau / UNITS[unit][1]:.3g} {unit}"
     return f"{text}, {quantity('tau').symbol} = {tau:.2f}" if np.isfinite(tau) else text
+
+
+def _in_laboratory_units(ax: Axes, radius: float) -> None:
+    """Axes of R0 told in mm or µm."""
+    unit = laboratory_unit("length", radius)
+    words = [f"{place * radius / UNITS[unit][1]:.4g}" for place in (-1, 0, 1)]
+    ax.set_xticks([-1.0, 0.0, 1.0], words)
+    ax.set_yticks([-1.0, 0.0, 1.0], words)
+    ax.set_xlabel(f"along the axis x [{unit}]")
+    ax.set_ylabel(f"from the axis r [{unit}]")
 
 
 def _sphere(ax: Axes) -> None:

@@ -250,5 +250,7 @@ def _with_error(value: float, error: float) -> str:
     """`1.0757 ± 0.0045`: the error to two digits, the value to the same place."""
     if not (np.isfinite(error) and error > 0):
         return f"{value:.4g}"
+    if error < 1e-6 * abs(value):  # of a record without noise
+        return f"{value:.6g}"
     digits = min(max(1 - int(np.floor(np.log10(error))), 0), 6)
     return f"{value:.{digits}f} ± {error:.{digits}f}"

@@ -66,7 +66,7 @@ def preview(
             curves.append({} if found is None else _curve(trace, names, found))
             heard.append(found)
             if found is None:
-                notes.append(f"no two modes are heard in trace {number}: the search begins from random constants")
+                notes.append(f"no two modes are found in trace {number}: the search begins from random constants")
             try:
                 offset = None if found is None or "V" not in names else float(found.offsets[names.index("V")])
                 state, texts = rest_state(trace, offset, equilibrium, number)

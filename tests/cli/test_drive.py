@@ -33,7 +33,7 @@ def _refused(*words: str) -> str:
 @pytest.mark.long
 def test_a_pulse_is_driven_drawn_and_exported(tmp_path):
     mat, png = tmp_path / "a.mat", tmp_path / "a.png"
-    code, told = _asked("drive", *SHELL, "--forcing", "pulse", "--amplitude", "0.01", "--pulsation", "0.8",
+    code, told = _asked("drive", *SHELL, "--forcing", "pulse", "--amplitude", "0.01", "--omega", "0.8",
                         "--duration", "50", "--every", "0.5", "--out", str(mat), "--plot", str(png))  # fmt: skip
     assert code == 0
     assert told["outcome"] == "ok"
@@ -49,7 +49,7 @@ def test_a_pulse_is_driven_drawn_and_exported(tmp_path):
 @pytest.mark.long
 def test_a_drive_of_r_rings_down_as_the_simulator_does_and_says_so(tmp_path):
     csv = tmp_path / "a.csv"
-    asked = ("drive", "--preset", "R", "--forcing", "step", "--pulsation", "1", "--duration", "2", "--every", "0.5")
+    asked = ("drive", "--preset", "R", "--forcing", "step", "--omega", "1", "--duration", "2", "--every", "0.5")
     code, told = _asked(*asked, "--out", str(csv))
     assert code == 0
     assert told["decay"]["origin"] == "law"
@@ -108,7 +108,7 @@ def test_two_decays_at_once_are_refused():
 
 @pytest.mark.slow
 def test_a_drive_that_unbuckles_exits_with_3():
-    code, told = _asked("drive", *SHELL, "--forcing", "step", "--amplitude", "-0.4", "--pulsation", "1",
+    code, told = _asked("drive", *SHELL, "--forcing", "step", "--amplitude", "-0.4", "--omega", "1",
                         "--duration", "50", "--every", "0.5")  # fmt: skip
     assert code == 3
     assert told["outcome"] == "no_buckled_state"
@@ -154,7 +154,7 @@ def test_a_cycle_buckles_and_unbuckles_and_is_drawn(tmp_path):
 @pytest.mark.long
 def test_a_bifurcation_counts_what_ends_and_is_drawn(tmp_path):
     png = tmp_path / "b.png"
-    code, told = _asked("bifurcation", *SHELL, "--lowest", "0.001", "--highest", "2", "--lanes", "3", "--pulsation",
+    code, told = _asked("bifurcation", *SHELL, "--lowest", "0.001", "--highest", "2", "--lanes", "3", "--omega",
                         "1.1", "--periods", "30", "--keep", "10", "--plot", str(png))  # fmt: skip
     assert code == 0
     assert told["lanes"]["outcome"][0] == "ok"

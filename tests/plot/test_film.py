@@ -12,7 +12,7 @@ from jshell.dynamics import Losses, Motion
 from jshell.dynamics.run import Setup
 from jshell.errors import BadName, BadValue
 from jshell.plot.film import LONGEST, arrows
-from jshell.shell import Reduced
+from jshell.shell import Liquid, Reduced, Shell, scales
 from jshell.trace import Trace
 
 R = Reduced(0.2, 0.9, 1.6, 0.004)
@@ -70,6 +70,12 @@ def test_a_strip_has_a_picture_per_moment_and_the_contours(motion, tmp_path):
     for line, sample in zip(lines, (2, 5, 7), strict=True):
         assert line.get_xdata()[0] == pytest.approx(float(motion.trace["x_front"][sample]))
     assert plot.save(figure, tmp_path / "strip.png").stat().st_size > 10_000
+
+
+def test_a_strip_of_a_shell_with_units_tells_milliseconds(motion):
+    unit = scales(Shell(22.5e-3, 5e-3, 0.5e6), Liquid(1260.0, 1.0))  # 2.4 ms
+    figure = plot.filmstrip(motion, times=[21.0, 22.5, 23.5], flow=False, scales=unit)
+    assert figure.get_axes()[0].get_title(loc="left") == f"(a)  t = {21e3 * unit.time:.1f} ms,  V/V₀ = 0.900"
 
 
 @pytest.mark.long

@@ -20,7 +20,7 @@ from jshell.oscillator import SOURCE, squared_frequencies
 from jshell.plot.shapes import outline
 from jshell.plot.traces import two_modes
 from jshell.quantities import quantity
-from jshell.shell import Reduced, presets
+from jshell.shell import Liquid, Reduced, Shell, presets, scales
 from jshell.signals import Signature, extract
 from jshell.trace import Trace
 
@@ -166,6 +166,15 @@ def test_a_mode_swings_as_far_out_as_in():
     assert _draws(ax)
     with pytest.raises(BadValue):
         plot.mode_shape(modes, 2)
+
+
+def test_a_mode_of_a_shell_with_units_is_told_in_them():
+    modes, unit = _modes(), scales(Shell(2.5e-6, 126e-9, 4.9e6), Liquid(1000.0, 1e-3))
+    ax = plot.mode_shape(modes, 0, scales=unit)
+    told = ax.texts[0].get_text()
+    assert told.startswith(f"f = {1e-6 * float(modes.omega[0]) * unit.frequency:.3g} MHz")
+    assert ax.get_xlabel() == "along the axis x [µm]"
+    assert [one.get_text() for one in ax.get_xticklabels()] == ["-2.5", "0", "2.5"]
 
 
 def test_a_channel_is_relative_to_the_sphere_and_marks_dip_and_window():

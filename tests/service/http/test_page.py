@@ -37,7 +37,7 @@ def test_upload_fit_picture_numbers_download(page, served, fitted, tmp_path):
     page.set_input_files("input[type=file]", RECORDING)  # chosen, it goes up at once
     page.wait_for_url("**/fits/new?trace=*")
     assert page.locator("figure[data-drawn] canvas").count() == 2  # H and W with their estimated start
-    assert page.locator("text=Heard: ω₋ ≈ 0.3998").count() == 1
+    assert page.locator("text=Found: ω₋ ≈ 0.3998").count() == 1
     page.locator("summary", has_text="attached_R_HW.csv").click()
     assert page.get_by_role("cell", name="mm", exact=True).count() == 2
 
