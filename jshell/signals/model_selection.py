@@ -92,8 +92,9 @@ def judge(
         others = tried(base, noise, elapsed, values, further, moves=any(moves))
         word, said = _weighed(word, base, noise, moves, values - base.curve(elapsed), others, names, begin)
         warnings = [*said, *warnings]
-    if word == "one" and chi[0] - chi[1] > UNRESOLVED:
-        warnings += _near_by(two, elapsed)
+    if word == "one":
+        likelier = [pair for pair in fits[1] if chi[0] - chi_square(law, values, pair, elapsed) > UNRESOLVED]
+        warnings += _near_by(likelier, elapsed)
     if word in ("one", "two"):
         notes += _of_the_noise(noise, names)
     if word == "two":
@@ -191,13 +192,15 @@ def _of_the_channels(marks: Sequence[SampleFaults], names: Sequence[str]) -> tup
     return warnings, notes
 
 
-def _near_by(two: SignalFit, elapsed: np.ndarray) -> list[str]:
+def _near_by(pairs: Sequence[SignalFit], elapsed: np.ndarray) -> list[str]:
     """A second mode so near that the record is too short to tell, and so near that the first is moved by it."""
-    beats = (two.Omega[1] - two.Omega[0]) * float(elapsed[-1]) / (2 * np.pi)
-    if beats > BEATS or not sound(two, elapsed):
-        return []
-    first, second = np.hypot(two.Omega, two.sigma)
-    return [f"two modes close together are likelier than one, ω = {first:.4g} and {second:.4g}, but not told apart"]
+    for pair in pairs:
+        beats = (pair.Omega[1] - pair.Omega[0]) * float(elapsed[-1]) / (2 * np.pi)
+        if pair.at_rest and beats <= BEATS:
+            first, second = np.hypot(pair.Omega, pair.sigma)
+            told = f"ω = {first:.4g} and {second:.4g}"
+            return [f"two modes close together are likelier than one, {told}, but not told apart"]
+    return []
 
 
 def _other_minima(endings: Sequence[SignalFit], noise, elapsed, values) -> list[str]:

@@ -123,6 +123,13 @@ def test_a_pair_hardly_told_apart_is_rarely_called_one_mode_in_silence(level, si
     assert sum(one.sound and not right(one, 0.9, 0.938, 18.0) for one in found) <= silent
 
 
+def test_a_pair_too_near_for_its_record_is_flagged_where_one_mode_is_the_less_likely():
+    times = np.linspace(0.0, 60.0, 601)  # a fifth of a beat; one mode leaves a χ² of 19 without noise
+    pair = np.exp(-times / TAU) * (np.cos(1.4 * times) + np.cos(1.42 * times + 1.0))
+    found = [heard(pair, seed, times=times, level=0.01) for seed in range(6)]
+    assert sum("close together" in " ".join(one.warnings) for one in found) >= 3
+
+
 @pytest.mark.parametrize("share", [0.003, also(0.01), also(0.03)])
 def test_a_quiet_second_mode_counts_by_the_noise_not_by_the_loud_one(share):
     found = heard(ring(TIMES, fast=share), level=2e-4)
