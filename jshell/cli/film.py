@@ -116,9 +116,9 @@ def film(
 
 def _told(number: float, name: str, pixel: float | None, digits: int) -> str:
     """A measured number in pixels, or in a unit of the laboratory's."""
+    if pixel is None:  # the channels then have names of their own
+        return f"{number:.{digits}g} px" + {"volume": "³", "area": "²"}.get(name, "")
     dimension = quantity(name).dimension
-    if pixel is None:
-        return f"{number:.{digits}g} px" + {"volume": "³", "area": "²"}.get(dimension, "")
     unit = laboratory_unit(dimension, number)
     return f"{number / UNITS[unit][1]:.{digits}g} {unit.translate(POWERS)}"
 

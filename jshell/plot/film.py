@@ -287,7 +287,13 @@ def _contours(ax: Axes, motion: Motion, samples: Sequence[int], scales: Scales |
     looks = LATE[-len(samples) :]
     for k, colour in zip(samples, looks, strict=True):
         x, r = outline(meridian_at(motion, k), motion.coordinates[k])
-        ax.plot(x, r, color=colour, linewidth=1.1, label=_moment(motion, k, scales))
+        ax.plot(
+            x,
+            r,
+            color=colour,
+            linewidth=1.1,
+            label=_moment(motion, k, scales).removeprefix("" if scales is None else "t = "),
+        )
     shapes, _ = meridians(motion, np.linspace(0.0, np.pi, MATERIAL), samples=samples)
     x, r = np.asarray(shapes.x), np.asarray(shapes.r)
     x, r = np.concatenate([x, x], axis=1), np.concatenate([r, -r], axis=1)

@@ -61,12 +61,12 @@ def unpack(content: Content, name: str = "batch.npz") -> Recordings:
     return _records(archives.unpack(content, name), name)
 
 
-def read(files: Sequence[tuple[str, Content]], needed: Sequence[str] = ("V", "S")) -> Batch:
+def read(files: Sequence[tuple[str, Content]], needed: Sequence[str] | None = None) -> Batch:
     """The traces of uploads.
 
     Args:
         files: Name and bytes of each.
-        needed: Channels that a trace must have.
+        needed: Channels that a trace must have; None asks for V and S where one of the traces has both.
 
     Raises:
         BadFile: An archive that cannot be read.
@@ -82,18 +82,27 @@ def read(files: Sequence[tuple[str, Content]], needed: Sequence[str] = ("V", "S"
         listed += archives.files(name, content) if name.lower().endswith(".zip") else [(name, content)]
     if not listed:
         raise BadValue("traces", found="none", expected="at least one trace", remedy="Upload one.")
-    traces, refused = [], {}
+    made: dict[int, Trace] = {}
+    refused: dict[int, JshellError] = {}
     for row, (name, content) in enumerate(listed):
         try:
-            made = read_trace(NamedBytes(name, content))
-            if made.conditions is None:
+            made[row] = read_trace(NamedBytes(name, content))
+            if made[row].conditions is None:
                 raise BadFile(name, found="no conditions", expected="a header with them", remedy="Add `# d_hat: …`.")
-            for channel in needed:
-                _ = made[channel]  # refused here where it has none
-            traces.append(made)
         except JshellError as error:
             refused[row] = error
-    return Batch(traces, tuple(name for name, _ in listed), refused)
+    whole = [row for row in made if row not in refused]
+    if needed is None:
+        needed = ("V", "S") if any({"V", "S"} <= set(made[row].channels) for row in whole) else ()
+    traces = []
+    for row in whole:
+        try:
+            for channel in needed:
+                _ = made[row][channel]  # refused here where it has none
+            traces.append(made[row])
+        except JshellError as error:
+            refused[row] = error
+    return Batch(traces, tuple(name for name, _ in listed), dict(sorted(refused.items())))
 
 
 def fitted(given: Batch, options: Mapping[str, Any]) -> BatchResult:

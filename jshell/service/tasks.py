@@ -137,7 +137,7 @@ def batch(specification: Mapping[str, Any], files: Files) -> dict[str, bytes]:
     check_names(specification, BATCH)
     asked = dict(specification)
     asked["bounds"] = {name: _limits(pair) for name, pair in (asked.pop("bounds", None) or {}).items()}
-    usual = () if asked.get("loss") == "modal" else ("V", "S")
+    usual = {"modal": (), "strict": ("V", "S")}.get(asked.get("loss") or "")
     records = batches.read(files, asked.get("channels") or usual)
     found = batches.fitted(records, asked)
     return {"record.npz": batches.pack_result(found, records.names)}

@@ -1,5 +1,7 @@
 """Numbers with units on the command line, options that had another name, and what help says of flags."""
 
+from pathlib import Path
+
 import pytest
 from typer.testing import CliRunner
 
@@ -64,3 +66,16 @@ def test_help_says_no_type_of_a_flag_and_no_former_name(words):
     shown = asked(*words, "--help").stdout
     assert "<bool>" not in shown
     assert not [former for former in main.FORMER if former in shown]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("pixel", "words"),
+    [((), "width: mean 93."), (("--pixel", "0.517241mm"), "W: mean 48.")],  # 93.6 of them, 48.4 mm
+)
+def test_a_film_is_told_in_pixels_or_in_millimetres(pixel, words):
+    films = Path(__file__).parents[2] / "data" / "films"
+    answer = asked("film", str(films / "attached_R.tif"), "--grid", str(films / "grid.png"), *pixel)
+    assert answer.exit_code == 0
+    line = next(line for line in answer.stdout.splitlines() if line.startswith(words))
+    assert line.count("mm" if pixel else " px") == (1 if pixel else 2)  # the error is in µm there

@@ -11,7 +11,8 @@ import pytest
 from typer.testing import CliRunner
 
 import jshell
-from jshell.cli.main import app
+from jshell.cli.main import app, load
+from jshell.cli.output import UsageError
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -49,6 +50,32 @@ def test_the_readmes_terminal_lines_name_verbs_and_options_that_exist():
         assert shown.exit_code == 0, verb
         for option in (word for word in words if word.startswith("--")):
             assert option in shown.stdout, (verb, option)
+
+
+def test_every_terminal_line_of_the_pages_is_one_that_the_terminal_takes():
+    """Read by the verb's own parser, which refuses options that do not exist and misses those that are required."""
+    lines = {
+        (page.name, line)
+        for page in (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
+        for block in re.findall(r"^```sh\n(.*?)^```$", page.read_text(encoding="utf-8"), re.S | re.M)
+        for line in re.findall(r"^jshell (.+?)(?:\s+#.*)?$", block.replace("\\\n", " "), re.M)
+    }
+    assert len(lines) > 50
+    for page, line in sorted(lines):
+        verb, *words = shlex.split(line)
+        if "--help" in words:
+            continue
+        command = load(verb)
+        if verb == "campaign":
+            command = command.commands[words.pop(0)]
+        command.make_context(f"{verb} in {page}", words)  # raises what the terminal would refuse
+
+
+def test_a_line_without_what_its_verb_requires_is_refused():
+    for line in ("bifurcation --preset R", "drive --preset R --pulsation 1"):
+        verb, *words = line.split()
+        with pytest.raises(UsageError):
+            load(verb).make_context(verb, words)
 
 
 def test_the_readme_shows_the_two_commands():

@@ -197,6 +197,19 @@ def test_an_upload_of_arrays_is_a_batch(short):
     assert batches.table(answer.files["record.npz"]).decode().splitlines()[1].startswith("1,unusable_data,nan")
 
 
+def test_recordings_of_a_camera_are_a_batch_as_they_are_and_strange_among_others():
+    """Height and width were refused for want of V, though the fit that follows reads any channels."""
+    head = "# d_hat: 0.22\n# P0_hat: 0.9\n# Pext_hat: 1.62\n# eta_hat: 0.004\n"
+    camera = (head + "t,H,W\n0,1.3,2.1\n1,1.2,2.2\n").encode()
+    simulated = (head + "t,V,S\n0,2.9,12.0\n1,2.8,12.1\n").encode()
+    alone = batches.read([("a.csv", camera), ("b.csv", camera)])
+    assert len(alone.records) == 2
+    assert not alone.refused
+    mixed = batches.read([("a.csv", camera), ("bad.csv", b"t,V\n0,x\n"), ("b.csv", simulated)])
+    assert list(mixed.refused) == [0, 1]
+    assert "V" in str(mixed.refused[0])
+
+
 def test_a_batch_of_other_channels_travels_with_their_names(short):
     values, sigma = np.asarray(short.values)[:, :1], np.full((2, 1), 0.1)
     heights = Recordings(short.times, values, short.conditions, sigma, short.counts, ("H",))

@@ -26,7 +26,7 @@
     u.ctx.restore();
   }
 
-  function options(plot, width, chooses) {
+  function options(plot, width, chooses, title) {
     const shade = (name) => getComputedStyle(root).getPropertyValue(name).trim();
     const axis = { stroke: shade("--soft"), font: "12px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif" };
     const grid = { stroke: shade("--line"), width: 1 };
@@ -54,6 +54,7 @@
       u.ctx.stroke();
       u.ctx.restore();
     };
+    const said = plot.y === title && plot.y.match(/\S+ \[[^\]]*\]$/); // the words stand above, and do not fit beside a low plot
     return {
       width,
       height: plot.height,
@@ -62,7 +63,7 @@
       scales: { x: { time: false } },
       axes: [
         { ...axis, grid, ticks, label: plot.x, labelSize: 22, size: 32, space: 60 },
-        { ...axis, grid, ticks, label: plot.y, labelSize: 20, size: 58, space: 34 },
+        { ...axis, grid, ticks, label: said ? said[0] : plot.y, labelSize: 20, size: 58, space: 34 },
       ],
       series: [{ label: plot.x }, ...series],
       hooks: {
@@ -88,7 +89,7 @@
     const plot = JSON.parse(source.textContent);
     if (figure.chart) figure.chart.destroy();
     canvas.replaceChildren();
-    figure.chart = new window.uPlot(options(plot, width, "window" in figure.dataset), plot.data, canvas);
+    figure.chart = new window.uPlot(options(plot, width, "window" in figure.dataset, figure.querySelector("figcaption").textContent), plot.data, canvas);
     figure.drawn = source.textContent;
     figure.width = width;
     figure.dataset.drawn = "yes";
