@@ -15,11 +15,10 @@ from starlette.formparsers import MultiPartParser
 from starlette.requests import Request
 
 import jshell
-from jshell.errors import JshellError
 from jshell.oscillator import SOURCE, decay_by_law
 from jshell.service import reduced, safety, shape
 from jshell.service.api import films, health, jobs, simulate, traces
-from jshell.service.problems import KINDS, answer, render_errors
+from jshell.service.problems import render_errors, rendered
 from jshell.service.replies import ProblemOut
 from jshell.service.settings import Settings
 from jshell.service.state import Counted, Metrics, Service
@@ -68,7 +67,8 @@ def create_app(settings: Settings, store: Store, worker: Worker | None = None) -
     app.include_router(health.router)
     pages.mount(app)
     render_errors(app, pages.sorry)
-    app.add_middleware(safety.Gate, settings=settings, database=store.database, refuse=_refuse)
+    refuse = lambda scope, error: rendered(Request(scope), error, pages.sorry)  # noqa: E731
+    app.add_middleware(safety.Gate, settings=settings, database=store.database, refuse=refuse)
     app.add_middleware(Counted, metrics=service.metrics)
     app.openapi = lambda: _described(app)  # pyright: ignore[reportAttributeAccessIssue]
     return app
@@ -80,13 +80,6 @@ def _with_long_names(header: bytes | str | None) -> tuple[bytes, dict[bytes, byt
     text = header.encode("latin-1") if isinstance(header, str) else header or b""
     found = re.search(rb"filename\*=utf-8'[^']*'([^;\s]+)", text, re.IGNORECASE)
     return kind, options if found is None else {**options, b"filename": unquote_to_bytes(found[1])}
-
-
-def _refuse(scope: Any, error: JshellError) -> Any:
-    path = scope["path"]
-    if path.startswith((API, "/healthz", "/metrics", "/openapi.json")):
-        return answer(error, path)
-    return pages.sorry(Request(scope), error, KINDS[error.code])
 
 
 def _warm() -> None:

@@ -5,9 +5,10 @@
 Source     Python `zipfile`; NumPy `numpy.lib.format`, the NPY format
 """
 
+import contextlib
 import io as streams
 import zipfile
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import PurePath
 from typing import Any
 
@@ -92,21 +93,35 @@ def unpack(content: Content, name: str, *, heads: Collection[str] = ()) -> dict[
     Raises:
         BadFile: No archive of plain arrays, a damaged one, or too large.
     """
-    names(content, name)
     blank = tuple(f"{one}.npy" for one in heads)
+    with opened(content, name) as archive:
+        return {
+            one.filename.removesuffix(".npy"): (_blank if one.filename in blank else _array)(archive, one)
+            for one in archive.infolist()
+            if one.filename.endswith(".npy")
+        }
+
+
+@contextlib.contextmanager
+def opened(content: Content, name: str) -> Iterator[zipfile.ZipFile]:
+    """An archive to read from, whose sizes are known to be bearable.
+
+    Raises:
+        BadFile: No archive, a damaged one, or too large.
+    """
     try:
-        with _opened(content) as archive:
-            members = [one for one in archive.infolist() if one.filename.endswith(".npy")]
-            return {
-                one.filename.removesuffix(".npy"): (_blank if one.filename in blank else _array)(archive, one)
-                for one in members
-            }
+        with zipfile.ZipFile(streams.BytesIO(content) if isinstance(content, bytes) else _Looked(content)) as archive:
+            check_size(name, sum(member.file_size for member in archive.infolist()))
+            yield archive
+    except BadFile:
+        raise
     except SPOILED as error:
-        raise _no_archive(name, error) from None
-
-
-def _opened(content: Content) -> zipfile.ZipFile:
-    return zipfile.ZipFile(streams.BytesIO(content) if isinstance(content, bytes) else _Looked(content))
+        raise BadFile(
+            name,
+            found=f"no archive that can be read ({str(error) or type(error).__name__})",
+            expected="arrays in .npz, or trace files in .zip",
+            remedy="Write it again.",
+        ) from None
 
 
 def _blank(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:
@@ -136,34 +151,24 @@ def _head(file: Any) -> tuple[tuple[int, ...], bool, np.dtype]:
 
 
 def names(content: Content, name: str) -> set[str]:
-    """Names of the arrays of an archive, once their sizes are known to be bearable.
+    """Names of the arrays of an archive.
 
     Raises:
-        BadFile: No archive, or too large.
+        BadFile: As `opened`.
     """
-    try:
-        with _opened(content) as archive:
-            check_size(name, sum(member.file_size for member in archive.infolist()))
-            return {member.filename.removesuffix(".npy") for member in archive.infolist()}
-    except BadFile:
-        raise
-    except SPOILED as error:
-        raise _no_archive(name, error) from None
+    with opened(content, name) as archive:
+        return {member.removesuffix(".npy") for member in archive.namelist()}
 
 
 def files(name: str, content: Content) -> list[tuple[str, bytes]]:
     """Name and bytes of every file of an archive.
 
     Raises:
-        BadFile: No archive, a damaged one, or too large.
+        BadFile: As `opened`.
     """
-    names(content, name)
-    try:
-        with _opened(content) as archive:
-            found = [member for member in archive.infolist() if not member.is_dir()]
-            return [(PurePath(member.filename).name, archive.read(member)) for member in found]
-    except SPOILED as error:
-        raise _no_archive(name, error) from None
+    with opened(content, name) as archive:
+        found = [member for member in archive.infolist() if not member.is_dir()]
+        return [(PurePath(member.filename).name, archive.read(member)) for member in found]
 
 
 def pack_files(given: Sequence[tuple[str, bytes]]) -> bytes:
@@ -174,12 +179,3 @@ def pack_files(given: Sequence[tuple[str, bytes]]) -> bytes:
             archive.writestr(f"{number}/{name}" if name in seen else name, content)
             seen.add(name)
     return b"".join(pieces.all.values())
-
-
-def _no_archive(name: str, error: BaseException) -> BadFile:
-    return BadFile(
-        name,
-        found=f"no archive that can be read ({str(error) or type(error).__name__})",
-        expected="arrays in .npz, or trace files in .zip",
-        remedy="Write it again.",
-    )

@@ -4,8 +4,6 @@ A batch is an `.npz` of arrays (`pack`), a `.zip` of trace files, or several
 uploads. A file of a zip that cannot be read costs its own row and no other.
 """
 
-import csv
-import io as streams
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
@@ -18,6 +16,7 @@ from jshell.files import NamedBytes
 from jshell.io import read_trace
 from jshell.service import archives
 from jshell.service.archives import Content
+from jshell.service.encoding import as_csv, neutral
 from jshell.shell.parameters import CONDITION_FIELDS, Reduced
 from jshell.trace import Trace
 
@@ -25,7 +24,6 @@ CONDITIONS = tuple(CONDITION_FIELDS.values())
 LARGE = ("times", "values")
 FREE = "free_directions"
 PLAIN = (FREE, "absolute", "loss", "channels")  # of a result: all but its columns
-FORMULA = ("=", "+", "-", "@", "\t", "\r")  # how a spreadsheet begins a formula
 
 
 @dataclass(frozen=True)
@@ -163,11 +161,8 @@ def table(record: bytes) -> bytes:
     given = archives.unpack(record, "record.npz").get("names")
     names = numbered(len(found)) if given is None else given.tolist()
     columns = found.columns()
-    file = streams.StringIO()
-    writer = csv.writer(file, lineterminator="\n")
-    writer.writerow(["trace", *columns])
-    writer.writerows(zip(map(cell, names), *(values.tolist() for values in columns.values()), strict=True))
-    return file.getvalue().encode()
+    rows = zip(map(neutral, names), *(values.tolist() for values in columns.values()), strict=True)
+    return as_csv([("trace", *columns), *rows])
 
 
 def numbered(rows: int) -> list[str]:
@@ -184,11 +179,6 @@ def count(content: bytes, name: str) -> int:
     if "values" not in archives.names(content, name):
         return 0
     return np.shape(_records(archives.unpack(content, name, heads=LARGE), name).values)[0]
-
-
-def cell(text: str) -> str:
-    """A text that a spreadsheet does not take for a formula."""
-    return f"'{text}" if text.startswith(FORMULA) else text
 
 
 def _records(arrays: Mapping[str, np.ndarray], name: str) -> Recordings:

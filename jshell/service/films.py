@@ -4,7 +4,6 @@ An upload lies in a folder of its own while the job lasts, since FFmpeg and the 
 """
 
 import io as streams
-import json
 import tempfile
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
@@ -21,8 +20,8 @@ from jshell.camera.outline import Outline, find_outline
 from jshell.camera.pictures import is_picture
 from jshell.errors import BadFile, JshellError, require_extra
 from jshell.io.files import SPOILED, bytes_written
-from jshell.io.records import plain
 from jshell.service.archives import Content
+from jshell.service.encoding import as_json
 
 SIDE = 900  # pixels of the first look's longer side at most
 POINTS = 400  # of an outline on the page at most
@@ -71,7 +70,7 @@ def look(specification: Mapping[str, Any], files: Files) -> dict[str, bytes]:
             "bright": bright,
             "outline": None if points is None else np.round(points, 2).tolist(),
         }
-        return {"look.json": _json(facts), "frame.png": _png(frame)}
+        return {"look.json": as_json(facts), "frame.png": _png(frame)}
 
 
 def film(specification: Mapping[str, Any], files: Files) -> dict[str, bytes]:
@@ -114,7 +113,7 @@ def film(specification: Mapping[str, Any], files: Files) -> dict[str, bytes]:
         "signature": _signature(found, asked.get("start"), asked.get("stop")),
     }
     traces = {name: bytes(io.encode_trace(name, found.trace).content) for name in ("trace.json", "trace.csv")}
-    return {"film.json": _json(record), "overlay.png": strip.getvalue(), "outlines.nc": outlines, **traces}
+    return {"film.json": as_json(record), "overlay.png": strip.getvalue(), "outlines.nc": outlines, **traces}
 
 
 @contextmanager
@@ -174,7 +173,3 @@ def _signature(found: camera.Filmed, start: float | None, stop: float | None) ->
         return signals.extract(found.trace, start=start, stop=stop).record()
     except JshellError as error:
         return {"outcome": error.code, "reason": str(error), "warnings": (), "notes": (), "stderr": {}}
-
-
-def _json(content: Any) -> bytes:
-    return json.dumps(plain(content), ensure_ascii=False, allow_nan=False).encode()

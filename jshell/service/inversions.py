@@ -1,8 +1,5 @@
 """Inversions as jobs: what shell recordings are of, by the simulator's small vibrations."""
 
-import csv
-import io as streams
-import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -14,9 +11,8 @@ from jshell.calibration.options import check_names
 from jshell.files import NamedBytes
 from jshell.inversion import Inversion, Unknown
 from jshell.inversion import invert as invert_traces
-from jshell.io.records import plain
 from jshell.service.archives import Content
-from jshell.service.batches import cell
+from jshell.service.encoding import as_csv, as_json
 
 HOW = ("channels", "start", "stop", "free_rest", "nuisance", "exact", "elements")  # as `jshell.invert` calls them
 OPTIONS = ("known", "unknown", "bounds", "priors", "local", *HOW)
@@ -42,12 +38,12 @@ def invert(specification: Mapping[str, Any], files: Sequence[tuple[str, Content]
         local=tuple(specification.get("local") or ()), **how,
     )  # fmt: skip
     made = {
-        "inversion.json": _json(found.record()),
+        "inversion.json": as_json(found.record()),
         "report.txt": found.report().encode(),
         "table.csv": _table(found),
     }
     if found.ending is not None and found.ending.projections:
-        made["curves.json"] = _json(_curves(found, [file.name for file in given]))
+        made["curves.json"] = as_json(_curves(found, [file.name for file in given]))
     return made
 
 
@@ -62,20 +58,14 @@ def unknowns(specification: Mapping[str, Any]) -> dict[str, Unknown]:
     return found
 
 
-def _json(content: Any) -> bytes:
-    return json.dumps(plain(content), ensure_ascii=False, allow_nan=False).encode()
-
-
 def _table(found: Inversion) -> bytes:
-    file = streams.StringIO()
-    writer = csv.writer(file, lineterminator="\n")
-    writer.writerow(HEAD)
     units = dict(zip((one.name for one in found.estimates), found.units, strict=False))
+    rows: list[Sequence[Any]] = [HEAD]
     for one in (*found.estimates, *found.derived):
         low, high = found.interval(one.name)
         numbers = ["" if not np.isfinite(x) else float(x) for x in (one.value, one.stderr, low, high)]
-        writer.writerow([cell(one.name), *numbers, cell(units.get(one.name, "")), one.role, one.reason or ""])
-    return file.getvalue().encode()
+        rows.append((one.name, *numbers, units.get(one.name, ""), one.role, one.reason or ""))
+    return as_csv(rows)
 
 
 def _curves(found: Inversion, names: Sequence[str]) -> list[dict[str, Any]]:

@@ -1,9 +1,7 @@
 """Jobs as the API and the page see them: accepted, shown, their results given out."""
 
 import functools
-import io
 import json
-import zipfile
 from collections.abc import Mapping
 from pathlib import PurePath
 from typing import Any
@@ -12,24 +10,15 @@ import jshell
 from jshell.calibration import BatchResult, FitResult
 from jshell.errors import BadFile, JshellError, NotFound
 from jshell.files import NamedBytes
-from jshell.service import batches
-from jshell.service.kinds import PLURAL
+from jshell.service import archives, batches
+from jshell.service.encoding import neutral_csv
+from jshell.service.kinds import KINDS, PLURAL
 from jshell.service.problems import Refused
 from jshell.service.replies import JobOut, finite
-from jshell.service.safety import neutral_csv
-from jshell.service.schemas import Conditions, FilmOptions, FitRequest, InvertRequest, ModesRequest, SimulateRequest
+from jshell.service.schemas import Conditions, ModesRequest, SimulateRequest, Wire
 from jshell.service.store import JobRow, Store
 from jshell.trace import Trace
 
-FILES = {  # by suffix; table and report of a batch are made of its record when they are asked for
-    "fit": {"json": "record.json", "csv": "table.csv", "nc": "record.nc", "txt": "report.txt"},
-    "batch": {"npz": "record.npz", "csv": "table.csv", "txt": "report.txt"},
-    "simulate": {"json": "trace.json", "csv": "trace.csv", "nc": "trace.nc"},
-    "modes": {"json": "modes.json", "csv": "modes.csv"},
-    "look": {"json": "look.json", "png": "frame.png"},
-    "film": {"json": "film.json", "csv": "trace.csv", "nc": "outlines.nc", "png": "overlay.png"},
-    "invert": {"json": "inversion.json", "csv": "table.csv", "txt": "report.txt"},
-}
 MEDIA = {
     "json": "application/json",
     "csv": "text/csv; charset=utf-8",
@@ -47,11 +36,19 @@ def address(job: JobRow, suffix: str = "") -> str:
     return f"/api/v1/{PLURAL[job.kind]}/{job.id}{suffix}"
 
 
+def page(job: JobRow) -> str:
+    """Where a browser finds a job."""
+    return f"/{PLURAL[job.kind]}/{job.id}"
+
+
+def files(job: JobRow) -> dict[str, str]:
+    """Suffix and address of what a job has made; nothing before it is done."""
+    return {suffix: address(job, f".{suffix}") for suffix in KINDS[job.kind].files} if job.state == "done" else {}
+
+
 def shown(job: JobRow) -> dict[str, Any]:
     """A job as the API shows it; fields of `JobOut`."""
-    links = {"self": address(job), "page": f"/{PLURAL[job.kind]}/{job.id}"}
-    if job.state == "done":
-        links |= {suffix: address(job, f".{suffix}") for suffix in FILES[job.kind]}
+    links = {"self": address(job), "page": page(job)} | files(job)
     return {name: getattr(job, name) for name in JobOut.model_fields if name != "links"} | {
         "traces": list(job.traces),
         "specification": finite(dict(job.specification)),
@@ -91,7 +88,7 @@ def file_of(store: Store, job: JobRow, suffix: str) -> bytes:
         )
     if job.kind == "batch" and suffix != "npz":
         return batch_table(store, job.id) if suffix == "csv" else str(batch_result(store, job.id)).encode()
-    content = store.result(job.id, FILES[job.kind][suffix])
+    content = store.result(job.id, KINDS[job.kind].files[suffix])
     return neutral_csv(content) if suffix == "csv" else content
 
 
@@ -102,9 +99,9 @@ def file_name(store: Store, job: JobRow, suffix: str) -> str:
     return f"{PurePath(store.trace(job.traces[0]).name).stem}-{job.kind}-{job.id[:8]}.{suffix}"
 
 
-def fit_specification(options: FitRequest) -> dict[str, Any]:
-    """What a worker is asked to fit: only what differs from the library's defaults."""
-    return options.model_dump(mode="json", exclude={"traces"}, exclude_defaults=True)
+def specification(asked: Wire) -> dict[str, Any]:
+    """What a worker is asked, beside the traces: only what differs from the library's defaults."""
+    return asked.model_dump(mode="json", exclude={"traces"}, exclude_defaults=True)
 
 
 def simulator_specification(asked: SimulateRequest) -> dict[str, Any]:
@@ -122,16 +119,6 @@ def modes_specification(asked: ModesRequest) -> dict[str, Any]:
     if "liquid" not in asked.model_fields_set:
         options["liquid"] = None  # the best that is known of each order
     return {"conditions": _conditions(asked), **options, "azimuth": sorted(set(orders))}
-
-
-def film_specification(asked: FilmOptions, grid: bool) -> dict[str, Any]:
-    """What a worker is asked to measure in a film: only what differs from the usual."""
-    return asked.model_dump(mode="json", exclude_defaults=True) | ({"grid": True} if grid else {})
-
-
-def invert_specification(asked: InvertRequest) -> dict[str, Any]:
-    """What a worker is asked to invert: only what differs from the usual."""
-    return asked.model_dump(mode="json", exclude={"traces"}, exclude_defaults=True)
 
 
 def _conditions(asked: Conditions) -> dict[str, float]:
@@ -153,34 +140,18 @@ def batch_result(store: Store, job: str) -> BatchResult:
 @functools.lru_cache(maxsize=4)
 def batch_table(store: Store, job: str) -> bytes:
     """The table of a batch that is done; made when it is first asked for, for that takes longer than the fits."""
-    return neutral_csv(batches.table(store.result(job, "record.npz")))
+    return batches.table(store.result(job, "record.npz"))
 
 
 @functools.lru_cache(maxsize=8)
-def simulated(store: Store, job: str) -> Trace:
-    """The trace of a simulation that is done."""
+def trace_of(store: Store, job: str) -> Trace:
+    """The trace of a simulation or a film that is done."""
     return jshell.io.read_trace(NamedBytes("trace.json", store.result(job, "trace.json")))
 
 
-def modes_found(store: Store, job: str) -> list[dict[str, Any]]:
-    """The modes that a job found; fields of `ModeOut`."""
-    return json.loads(store.result(job, "modes.json"))
-
-
-@functools.lru_cache(maxsize=8)
-def filmed(store: Store, job: str) -> Trace:
-    """The trace of a film that has been measured."""
-    return jshell.io.read_trace(NamedBytes("trace.json", store.result(job, "trace.json")))
-
-
-def film_found(store: Store, job: JobRow) -> dict[str, Any]:
-    """What a look at a film, or its measurement, has found: `look.json` or `film.json`."""
-    return json.loads(store.result(job.id, FILES[job.kind]["json"]))
-
-
-def inverted(store: Store, job: str) -> dict[str, Any]:
-    """What an inversion that is done found, as `jshell.inversion.Inversion.record` says it."""
-    return json.loads(store.result(job, "inversion.json"))
+def found_by(store: Store, job: JobRow) -> Any:
+    """What a job that is done has found, as its `.json` says it."""
+    return json.loads(store.result(job.id, KINDS[job.kind].files["json"]))
 
 
 def profile_of(store: Store, job: JobRow) -> Mapping[str, Any] | None:
@@ -193,27 +164,22 @@ def profile_of(store: Store, job: JobRow) -> Mapping[str, Any] | None:
         return None
 
 
-def fit_shown(store: Store, job: JobRow) -> dict[str, Any]:
-    """A fit with its result, as the API shows it; fields of `FitOut`."""
+def with_result(store: Store, job: JobRow) -> dict[str, Any]:
+    """A job with its result, as the API shows it."""
     if job.state != "done":
         return shown(job) | {"result": None}
-    record = fit_result(store, job.id).record()
-    return shown(job) | {"result": finite(record | {"profile": profile_of(store, job)})}
+    if job.kind == "fit":
+        found = fit_result(store, job.id).record() | {"profile": profile_of(store, job)}
+    else:
+        found = found_by(store, job)
+    return shown(job) | {"result": finite(found)}
 
 
-def modes_shown(store: Store, job: JobRow) -> dict[str, Any]:
-    """A job for modes with its result, as the API shows it; fields of `ModesOut`."""
-    return shown(job) | {"result": modes_found(store, job.id) if job.state == "done" else None}
-
-
-def film_shown(store: Store, job: JobRow) -> dict[str, Any]:
-    """A look at a film, or its measurement, with what was found, as the API shows it; fields of `FilmOut`."""
-    return shown(job) | {"result": finite(film_found(store, job)) if job.state == "done" else None}
-
-
-def inversion_shown(store: Store, job: JobRow) -> dict[str, Any]:
-    """An inversion with its result, as the API shows it; fields of `InversionOut`."""
-    return shown(job) | {"result": finite(inverted(store, job.id)) if job.state == "done" else None}
+def title(store: Store, job: JobRow) -> str:
+    """A job by the names of its files, or by its kind where it has none."""
+    names, more = [store.trace(trace).name for trace in job.traces[:3]], len(job.traces) - 3
+    words = ", ".join(names) + (f" and {more} more" if more > 0 else "")
+    return words or ("modes" if job.kind == "modes" else "simulation")
 
 
 def summary(store: Store, job: JobRow) -> str:
@@ -229,22 +195,19 @@ def summary(store: Store, job: JobRow) -> str:
         if job.kind == "batch":
             table = batch_result(store, job.id)
             return f"{int(table.ok.sum())} of {len(table)} ok"
+        if job.kind == "simulate":
+            return "trace"
+        seen = found_by(store, job)
         if job.kind == "modes":
-            heard = [one["omega"] for one in modes_found(store, job.id)]
-            return "ω " + ", ".join("–" if omega is None else f"{omega:.3g}" for omega in heard)
+            return "ω " + ", ".join("–" if one["omega"] is None else f"{one['omega']:.3g}" for one in seen)
         if job.kind == "look":
-            seen = film_found(store, job)
             return f"{seen['frames']} frames of {seen['rows']} × {seen['columns']}"
         if job.kind == "film":
-            seen = film_found(store, job)
             heard = [seen["signature"].get(name) for name in ("f_minus_Hz", "f_plus_Hz")]
             return f"{seen['frames']} frames, " + ", ".join("–" if f is None else f"{f:.4g} Hz" for f in heard)
-        if job.kind == "invert":
-            told = inverted(store, job.id)
-            return f"{told['outcome'].replace('_', ' ')}: {', '.join(told['varied'])}"
+        return f"{seen['outcome'].replace('_', ' ')}: {', '.join(seen['varied'])}"
     except JshellError as error:
         return str(error)
-    return "trace"
 
 
 def packed(name: str, content: bytes) -> int:
@@ -257,12 +220,7 @@ def packed(name: str, content: bytes) -> int:
         raise BadFile(name, found="an empty file", expected="traces", remedy="Check how the file was written.")
     if name.lower().endswith(".npz") and (found := batches.count(content, name)):
         return found
-    if name.lower().endswith(".zip"):
-        try:
-            with zipfile.ZipFile(io.BytesIO(content)) as archive:
-                return sum(not member.is_dir() for member in archive.infolist())
-        except zipfile.BadZipFile as error:
-            raise BadFile(
-                name, found=f"no archive ({error})", expected="a .zip of trace files", remedy="Pack it again."
-            ) from None
-    return 1
+    if not name.lower().endswith(".zip"):
+        return 1
+    with archives.opened(content, name) as archive:
+        return sum(not member.is_dir() for member in archive.infolist())

@@ -8,7 +8,7 @@ Source     RFC 9457, Problem Details for HTTP APIs; RFC 6585 (429)
 
 import re
 import uuid
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
@@ -75,6 +75,7 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
         "internal": Kind(500, "An error of the service", "Nobody foresaw this; the log has it under the identifier."),
     }
 )  # fmt: skip
+Page = Callable[[Request, JshellError, Kind], Response]
 _BY_STATUS = MappingProxyType({400: "bad_request", 404: "not_found", 405: "wrong_method", 413: "too_large"})
 
 
@@ -84,11 +85,11 @@ def brief(text: object) -> str:
     return words if len(words) <= SHOWN else words[: SHOWN - 1] + "…"
 
 
-def problem(error: JshellError, path: str, more: Mapping[str, Any] = MappingProxyType({})) -> dict[str, Any]:
-    """An error as a problem object of RFC 9457."""
+def answer(error: JshellError, path: str, more: Mapping[str, Any] = MappingProxyType({})) -> JSONResponse:
+    """An error as the problem object of RFC 9457."""
     kind = KINDS.get(error.code, KINDS["bad_request"])
     words = JobFailure(**error.record()).words()
-    return {
+    body = {
         "type": f"/problems/{error.code}",
         "title": kind.title,
         "status": kind.status,
@@ -97,12 +98,7 @@ def problem(error: JshellError, path: str, more: Mapping[str, Any] = MappingProx
         **words,
         **more,
     }
-
-
-def answer(error: JshellError, path: str, more: Mapping[str, Any] = MappingProxyType({})) -> JSONResponse:
-    """The response that carries a problem."""
-    body = problem(error, path, more)
-    return JSONResponse(body, body["status"], headers=headers_of(error), media_type=MEDIA_TYPE)
+    return JSONResponse(body, kind.status, headers=headers_of(error), media_type=MEDIA_TYPE)
 
 
 def headers_of(error: JshellError) -> dict[str, str]:
@@ -170,37 +166,36 @@ def allowed(description: Mapping[str, Any], path: str) -> list[str]:
     return []
 
 
-def render_errors(app: FastAPI, page: Any = None) -> None:
+def rendered(request: Request, error: JshellError, page: Page, more: Mapping[str, Any] = {}) -> Response:
+    """An error as whoever asks can read it: a program a problem, a browser a page."""
+    path = request.scope["path"]
+    if path.startswith(("/api/v1", "/healthz", "/metrics", "/openapi.json")):
+        return answer(error, path, more)
+    return page(request, error, KINDS.get(error.code, KINDS["bad_request"]))
+
+
+def render_errors(app: FastAPI, page: Page) -> None:
     """Have every error of an application answered as a problem.
 
     Args:
         app: The application.
-        page: Makes of a request, an error and a status the HTML that a browser is shown; None where there is no page.
+        page: Makes of a request, an error and its kind the HTML that a browser is shown.
     """
-
-    def render(request: Request, error: JshellError, extra: Mapping[str, Any], headers: Mapping[str, str]) -> Response:
-        path = request.url.path
-        programs = path.startswith(("/api/v1", "/healthz", "/metrics"))
-        if page is not None and not programs:
-            response = page(request, error, KINDS.get(error.code, KINDS["bad_request"]))
-        else:
-            response = answer(error, path, extra)
-        response.headers.update(headers)
-        return response
 
     @app.exception_handler(JshellError)
     def of_library(request: Request, error: JshellError) -> Response:
-        return render(request, error, {}, {})
+        return rendered(request, error, page)
 
     @app.exception_handler(RequestValidationError)
     def of_schema(request: Request, error: RequestValidationError) -> Response:
-        return render(request, of_validation(error.errors()), {"errors": listed(error.errors())}, {})
+        return rendered(request, of_validation(error.errors()), page, {"errors": listed(error.errors())})
 
     @app.exception_handler(HTTPException)
     def of_http(request: Request, error: HTTPException) -> Response:
         found = of_status(error.status_code, error.detail, request.url.path)
-        headers = dict(error.headers or {})
+        response = rendered(request, found, page)
+        response.headers.update(error.headers or {})
         if error.status_code == 405:  # a router names the methods of one route, not those of the address
             methods = allowed(app.openapi(), request.url.path)
-            headers |= {"Allow": ", ".join(methods)} if methods else {}
-        return render(request, found, {}, headers)
+            response.headers.update({"Allow": ", ".join(methods)} if methods else {})
+        return response

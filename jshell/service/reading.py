@@ -11,7 +11,6 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from jshell import io
 from jshell.calibration.data import usual_channels
 from jshell.errors import BadValue, JshellError
 from jshell.files import NamedBytes
@@ -21,6 +20,7 @@ from jshell.io.formats import FORMATS, READ_ONLY, read_sheet
 from jshell.io.headers import CONDITION_KEYS
 from jshell.io.tables import Understood, understood
 from jshell.io.units import PURE
+from jshell.service import sending
 from jshell.service.problems import brief, listed, of_validation
 from jshell.service.store import Store
 from jshell.shell.parameters import Reduced
@@ -95,9 +95,8 @@ def settled(name: str, content: bytes, reading: Reading) -> tuple[str, bytes]:
 
 
 def _rewritten(name: str, trace: Trace) -> tuple[str, bytes]:
-    units = "si" if trace.scales is not None and trace.conditions is not None else "reduced"
-    again = io.encode_trace(f"{PurePath(name).stem}.json", trace, units)
-    return again.name, bytes(again.content)
+    name, content = sending.written(trace, f"{PurePath(name).stem}.json")
+    return name, bytes(content)
 
 
 def check_one_readable(files: Sequence[tuple[str, bytes]]) -> None:
@@ -166,17 +165,13 @@ def options_of(kind: type[Asked], text: str) -> Asked:
         raise BadValue(f"options, {where}", found=found.found, expected=found.expected, remedy=found.remedy) from None
 
 
+@functools.lru_cache(maxsize=MAX_CACHED_TRACES)
 def inspected(store: Store, trace: str) -> tuple[str, TraceContent]:
     """Name and content of a stored trace; read once as long as it is asked for often.
 
     Raises:
         NotFound: No such trace.
     """
-    return _inspected(store, trace)
-
-
-@functools.lru_cache(maxsize=MAX_CACHED_TRACES)
-def _inspected(store: Store, trace: str) -> tuple[str, TraceContent]:
     row = store.trace(trace)
     return row.name, inspect(row.name, store.trace_content(trace))
 

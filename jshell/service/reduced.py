@@ -8,8 +8,6 @@ Source     Mokbel et al. 2021: eq:defw, fig:soft, eq:taureal
 """
 
 import warnings
-from dataclasses import dataclass
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -27,16 +25,15 @@ SAMPLES = 481  # of the trace
 LOADS = 121  # outer pressures of the curve
 PUSH = 0.01  # of the volume at rest: the motion shown is that after such a push, released at rest
 REACH = 1.6  # the curve goes up to so many buckling loads
+Array = jax.Array | np.ndarray
 
 
-@dataclass(frozen=True)
-class ModelAnswer:
+class ModelAnswer(eqx.Module):
     """What the short model says of a shell; NaN where it says nothing.
 
     Attributes:
-        outcome: Of the shell at its load.
+        outcome: Of the shell at its load, a code of `Outcome`.
         omega: ω-, ω+, the sphere's, Marmottant's.
-        tau: Decay time; infinite without viscosity.
         rest: Volume and pressure at rest.
         softening: Buckling load, then sphere before over ω-, ω+ and Marmottant's after.
         loads: (LOADS,) outer pressures.
@@ -45,15 +42,14 @@ class ModelAnswer:
         motion: (2, SAMPLES) V and S.
     """
 
-    outcome: Outcome
-    omega: np.ndarray
-    tau: float
-    rest: np.ndarray
-    softening: np.ndarray
-    loads: np.ndarray
-    crossing: np.ndarray
-    times: np.ndarray
-    motion: np.ndarray
+    outcome: Array
+    omega: Array
+    rest: Array
+    softening: Array
+    loads: Array
+    crossing: Array
+    times: Array
+    motion: Array
 
 
 def answer(conditions: Reduced, coefficients: Coefficients = SOURCE, duration: float | int = 60.0) -> ModelAnswer:
@@ -68,15 +64,11 @@ def answer(conditions: Reduced, coefficients: Coefficients = SOURCE, duration: f
     numbers = [c.alpha1, c.alpha2, c.k_vs, c.beta1, float(duration)]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the page and the API say the range of the law beside the numbers
-        found = [np.asarray(part) for part in _all(conditions.as_arrays(), jnp.asarray(numbers, dtype=float))]
-    outcome, omega, tau, rest, softening, loads, crossing, times, motion = found
-    return ModelAnswer(
-        Outcome(int(outcome)), omega, float(tau), rest, softening, loads, crossing, times, motion
-    )  # fmt: skip
+        return jax.device_get(_all(conditions.as_arrays(), jnp.asarray(numbers, dtype=float)))
 
 
 @eqx.filter_jit
-def _all(conditions: Reduced, numbers: jax.Array) -> tuple[Any, ...]:
+def _all(conditions: Reduced, numbers: jax.Array) -> ModelAnswer:
     alpha1, alpha2, k_vs, beta1, duration = numbers
     c = Coefficients(alpha1, alpha2, k_vs, beta1)
     found = oscillator.frequencies(conditions, c)
@@ -97,12 +89,10 @@ def _all(conditions: Reduced, numbers: jax.Array) -> tuple[Any, ...]:
     buckled = found.outcome != int(Outcome.NO_BUCKLED_STATE)
     omega = jnp.where(jnp.array([1, 1, 0, 1]).astype(bool) & ~buckled, jnp.nan, omega)
     rest = jnp.where(buckled, jnp.stack([state.volume, state.pressure]), jnp.nan)
-    tau = oscillator.decay_time(c, conditions.viscosity)
     ok = found.outcome == int(Outcome.OK)
-    return (
+    return ModelAnswer(
         found.outcome,
         omega,
-        tau,
         rest,
         jnp.stack([fall.load, fall.slow, fall.fast, fall.marmottant]),
         loads,

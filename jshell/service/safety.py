@@ -9,23 +9,21 @@ There is no CORS: no other site may read an answer.
 
 import asyncio
 import contextlib
-import csv
 import hmac
-import io
 import re
 import unicodedata
 from collections import Counter
-from collections.abc import Awaitable, Callable, Iterable, MutableMapping
-from http.cookies import CookieError, SimpleCookie
+from collections.abc import Awaitable, Callable, MutableMapping
 from typing import Any
 from urllib.parse import quote, urlsplit
 
+from fastapi.security.utils import get_authorization_scheme_param
 from starlette.concurrency import run_in_threadpool
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.requests import HTTPConnection
 
 from jshell.errors import BadValue, JshellError
-from jshell.io.sheets import NUMBER
 from jshell.service import sessions
-from jshell.service.batches import FORMULA
 from jshell.service.database import Database
 from jshell.service.problems import Refused, unforeseen
 from jshell.service.settings import LOCAL, MAX_BODY_BYTES, Settings
@@ -47,15 +45,15 @@ AT_DOOR = 8  # of these from one address at the same time
 SLOWEST = 4096.0  # bytes a second that a body must bring, once it has had
 FIRST = 10.0  # [s] to begin
 NAME = 120  # characters of a file's name that are kept
-HEADERS = (
-    (b"content-security-policy", b"default-src 'self'; img-src 'self' data:; object-src 'none'; base-uri 'none'; "
-     b"form-action 'self'; frame-ancestors 'none'"),
-    (b"x-content-type-options", b"nosniff"),
-    (b"x-frame-options", b"DENY"),
-    (b"referrer-policy", b"same-origin"),
-    (b"cross-origin-opener-policy", b"same-origin"),
-    (b"cross-origin-resource-policy", b"same-origin"),
-)  # fmt: skip
+HEADERS = {
+    "content-security-policy": "default-src 'self'; img-src 'self' data:; object-src 'none'; base-uri 'none'; "
+    "form-action 'self'; frame-ancestors 'none'",
+    "x-content-type-options": "nosniff",
+    "x-frame-options": "DENY",
+    "referrer-policy": "same-origin",
+    "cross-origin-opener-policy": "same-origin",
+    "cross-origin-resource-policy": "same-origin",
+}
 
 
 def check_open(settings: Settings) -> None:
@@ -100,7 +98,7 @@ class Gate:
         if scope["type"] != "http":
             await self.app(scope, receive, send)
             return
-        headers = {name.lower(): value.decode("latin-1") for name, value in scope["headers"]}
+        headers = Headers(scope=scope)
         dressed = self._dressed(send)
         root = self.settings.root_path
         if root and scope["path"].startswith(f"{root}/"):  # a proxy in front may take its own part away, or not
@@ -108,7 +106,7 @@ class Gate:
         path, address = scope["path"], (scope.get("client") or ("",))[0]
         at_door = bool(self.settings.token) and is_open(path) and scope["method"] not in SAFE
         most = DOOR if at_door else self._most(headers)
-        error = self._error(scope, headers, most) or await self._stranger(path, headers)
+        error = self._error(scope, headers, most) or await self._stranger(HTTPConnection(scope))
         if error is None and at_door and self.at_door[address] >= AT_DOOR:
             error = Refused(
                 "address", found=f"{AT_DOOR} requests without a token under way", expected="fewer at once",
@@ -141,8 +139,8 @@ class Gate:
         if counted.error is not None and not started:
             await self.refuse(scope, counted.error)(scope, receive, dressed)
 
-    def _error(self, scope: Scope, headers: dict[bytes, str], most: int) -> JshellError | None:
-        host = headers.get(b"host", "")
+    def _error(self, scope: Scope, headers: Headers, most: int) -> JshellError | None:
+        host = headers.get("host", "")
         if _name(host) not in self.hosts:
             return Refused(
                 "header Host",
@@ -155,20 +153,22 @@ class Gate:
             error = _cross_site(headers, host)
             if error is not None:
                 return error
-        charset = re.search(r"charset=[\"']?([^;\"'\s]*)", headers.get(b"content-type", "").lower())
+        charset = re.search(r"charset=[\"']?([^;\"'\s]*)", headers.get("content-type", "").lower())
         if charset is not None and charset[1] not in ("utf-8", "utf8", "us-ascii"):
             return Refused(
                 "header Content-Type", found=repr(charset[1][:80]), expected="UTF-8", remedy="Send it as UTF-8."
             )
-        length = headers.get(b"content-length", "0")
+        length = headers.get("content-length", "0")
         if length.isdecimal() and int(length) > most:
             return too_large(int(length), most, _is_form(headers))
         return None
 
-    async def _stranger(self, path: str, headers: dict[bytes, str]) -> JshellError | None:
+    async def _stranger(self, asker: HTTPConnection) -> JshellError | None:
         """The refusal of who shows neither the token nor the cookie of a session."""
-        token, given, session = self.settings.token, _bearer(headers), _cookie(headers)
-        if not token or is_open(path) or hmac.compare_digest(given.encode(), token.encode()):
+        token, session = self.settings.token, asker.cookies.get(COOKIE, "")
+        kind, given = get_authorization_scheme_param(asker.headers.get("authorization"))
+        given = given.strip() if kind.lower() == "bearer" else ""
+        if not token or is_open(asker.scope["path"]) or hmac.compare_digest(given.encode(), token.encode()):
             return None
         try:
             if session and await run_in_threadpool(sessions.is_known, self.database, session):
@@ -182,22 +182,18 @@ class Gate:
             remedy="Ask its keeper for the token; a browser gives it at /login.",
         )  # fmt: skip
 
-    def _most(self, headers: dict[bytes, str]) -> int:
+    def _most(self, headers: Headers) -> int:
         """The largest body: files of a form wait on the disk, anything else in memory."""
         return self.settings.upload if _is_form(headers) else min(MAX_BODY_BYTES, self.settings.upload)
 
     def _dressed(self, send: Send) -> Send:
         async def dressed(message: Message) -> None:
             if message["type"] == "http.response.start":
-                root = self.settings.root_path.encode()
-                message["headers"] = [
-                    (name, root + value if name.lower() == b"location" and value.startswith(b"/") else value)
-                    for name, value in message["headers"]
-                ]
-                present = {name.lower() for name, _ in message["headers"]}
-                message["headers"] = [
-                    *message["headers"], *((name, value) for name, value in HEADERS if name not in present)
-                ]  # fmt: skip
+                headers = MutableHeaders(scope=message)
+                if headers.get("location", "").startswith("/"):
+                    headers["location"] = self.settings.root_path + headers["location"]
+                for name, value in HEADERS.items():
+                    headers.setdefault(name, value)
             await send(message)
 
         return dressed
@@ -238,16 +234,16 @@ class _Counted:
         return message
 
 
-def _is_form(headers: dict[bytes, str]) -> bool:
-    return headers.get(b"content-type", "").lower().startswith("multipart/form-data")
+def _is_form(headers: Headers) -> bool:
+    return headers.get("content-type", "").lower().startswith("multipart/form-data")
 
 
-def _is_large(headers: dict[bytes, str]) -> bool:
+def _is_large(headers: Headers) -> bool:
     """Whether a body takes much memory, or does not say how much."""
     if _is_form(headers):
         return False
-    length = headers.get(b"content-length", "0")
-    return b"transfer-encoding" in headers or not length.isdecimal() or int(length) > LARGE
+    length = headers.get("content-length", "0")
+    return "transfer-encoding" in headers or not length.isdecimal() or int(length) > LARGE
 
 
 def too_large(found: int, most: int, form: bool) -> Refused:
@@ -273,10 +269,10 @@ def _name(host: str) -> str:
     return found[1].strip("[]").lower() if found else ""
 
 
-def _cross_site(headers: dict[bytes, str], host: str) -> JshellError | None:
+def _cross_site(headers: Headers, host: str) -> JshellError | None:
     """The refusal of a request that another site's page makes a browser send."""
-    origin = headers.get(b"origin")
-    site = headers.get(b"sec-fetch-site", "none")
+    origin = headers.get("origin")
+    site = headers.get("sec-fetch-site", "none")
     strange = origin is not None and urlsplit(origin).netloc.lower() != host.lower()
     if not strange and site in ("none", "same-origin"):
         return None
@@ -284,19 +280,6 @@ def _cross_site(headers: dict[bytes, str], host: str) -> JshellError | None:
         "header Origin", code="cross_site", found=repr((origin or site)[:80]), expected="this service's own pages",
         remedy="Open the service's page itself, or use its API from a program.",
     )  # fmt: skip
-
-
-def _bearer(headers: dict[bytes, str]) -> str:
-    kind, _, token = headers.get(b"authorization", "").partition(" ")
-    return token.strip() if kind.lower() == "bearer" else ""
-
-
-def _cookie(headers: dict[bytes, str]) -> str:
-    try:
-        found = SimpleCookie(headers.get(b"cookie", ""))
-    except CookieError:
-        return ""
-    return found[COOKIE].value if COOKIE in found else ""
 
 
 def clean_name(name: str | None) -> str:
@@ -313,20 +296,3 @@ def attachment(name: str) -> str:
     """The header that lets a browser keep an answer as a file of this name."""
     plain = re.sub(r"[^A-Za-z0-9._-]", "_", name)
     return f"attachment; filename=\"{plain}\"; filename*=UTF-8''{quote(name, safe='')}"
-
-
-def neutral(cell: str) -> str:
-    """A cell that a spreadsheet takes for text: formulas lose their meaning, numbers stay numbers."""
-    text = cell.lstrip(" ")
-    return f"'{cell}" if text.startswith(FORMULA) and not NUMBER.fullmatch(cell) else cell
-
-
-def neutral_csv(content: bytes) -> bytes:
-    """A CSV export in which no cell is a formula; lines `# key: value` stay as they are."""
-    text = content.decode("utf-8")
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    lines: Iterable[str] = text.splitlines(keepends=True)
-    for row in csv.reader(lines):
-        writer.writerow([neutral(cell) for cell in row])
-    return out.getvalue().encode("utf-8")

@@ -80,10 +80,10 @@ def numbers(conditions: Reduced) -> dict[str, float]:
     return {key: float(value) for key, value in conditions.as_dict().items()}
 
 
-def written(trace: Trace) -> NamedBytes:
-    """A trace as a file."""
+def written(trace: Trace, name: str = "trace.json") -> NamedBytes:
+    """A trace as a file, in SI where it can be."""
     units = "si" if trace.scales is not None and trace.conditions is not None else "reduced"
-    return io.encode_trace("trace.json", trace, units)
+    return io.encode_trace(name, trace, units)
 
 
 def reading(said: Mapping[str, Any]) -> str:

@@ -80,18 +80,14 @@ def _raise_limit() -> None:
 
 
 def _listen(settings: Settings) -> socket.socket:
-    family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
+    six = ":" in settings.host
     host = "127.0.0.1" if settings.host == "localhost" else settings.host
-    listening = socket.socket(family, socket.SOCK_STREAM)
-    listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
-        listening.bind((host, settings.port))
+        return socket.create_server(
+            (host, settings.port), family=socket.AF_INET6 if six else socket.AF_INET, backlog=2048, dualstack_ipv6=six
+        )
     except OSError as error:
-        listening.close()
         raise BadValue(
-            "--host, --port", found=f"{settings.host}:{settings.port} ({error.strerror})",
-            expected="an address that is free", remedy="Choose another --port; 0 picks one.",
+            "--host, --port", found=str(error.strerror), expected="an address that is free",
+            remedy="Choose another --port; 0 picks one.",
         ) from None  # fmt: skip
-    listening.listen(2048)
-    listening.set_inheritable(False)
-    return listening

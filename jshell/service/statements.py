@@ -5,7 +5,7 @@ import functools
 import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql, sqlite
 
-from jshell.service.tables import LIVE, QUEUED, RUNNING, jobs, keys
+from jshell.service.tables import LIVE, QUEUED, RUNNING, jobs, keys, traces
 
 KEY = sa.select(keys).where(keys.c.key == sa.bindparam("key"))
 JOB = sa.select(jobs).where(jobs.c.id == sa.bindparam("job"))
@@ -14,19 +14,15 @@ WAITING = sa.select(sa.func.count()).select_from(jobs).where(jobs.c.state == QUE
 SERVER_CLOCK = sa.cast(sa.func.extract("epoch", sa.func.clock_timestamp()), sa.Double())  # PostgreSQL's own
 
 
-@functools.cache
-def new_job(in_file: bool) -> sa.Insert:
-    """A job, unless one of the same content is live; SQLite is given `created`, PostgreSQL looks itself."""
-    insert = (sqlite if in_file else postgresql).insert(jobs)
-    insert = insert.on_conflict_do_nothing(index_elements=[jobs.c.content], index_where=LIVE).returning(*jobs.c)
-    return insert if in_file else insert.values(created=SERVER_CLOCK)
+_ONCE = {jobs: (jobs.c.content, LIVE), keys: (keys.c.key, None), traces: (traces.c.id, None)}
 
 
 @functools.cache
-def new_key(in_file: bool) -> sa.Insert:
-    """A key, unless it is known; SQLite is given `created`, PostgreSQL looks itself."""
-    insert = (sqlite if in_file else postgresql).insert(keys)
-    insert = insert.on_conflict_do_nothing(index_elements=[keys.c.key]).returning(keys.c.key)
+def new(table: sa.Table, in_file: bool) -> sa.Insert:
+    """A row, unless there is one like it: a live job, a key, a file; SQLite is given `created`, PostgreSQL looks."""
+    column, where = _ONCE[table]
+    insert = (sqlite if in_file else postgresql).insert(table)
+    insert = insert.on_conflict_do_nothing(index_elements=[column], index_where=where).returning(*table.c)
     return insert if in_file else insert.values(created=SERVER_CLOCK)
 
 

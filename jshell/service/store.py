@@ -11,15 +11,15 @@ them, silence is what an observer sees on its own steady clock.
 import dataclasses
 import json
 import secrets
-import time
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import sqlalchemy as sa
 
 from jshell.errors import BadStore, BadValue, NotFound, StoreUnavailable, choose
-from jshell.service import statements, uploads
+from jshell.service import statements
 from jshell.service.database import Database
+from jshell.service.kinds import KINDS
 from jshell.service.notifier import Notifier
 from jshell.service.rows import (
     DIED,
@@ -35,14 +35,13 @@ from jshell.service.rows import (
 )
 from jshell.service.silence import Silence
 from jshell.service.tables import CANCELLED, DONE, FAILED, QUEUED, RUNNING, STATES, heartbeats, jobs, keys, results
-from jshell.service.uploads import TraceRow, Upload
+from jshell.service.uploads import Upload, Uploads
 
-KINDS = ("fit", "batch", "simulate", "modes", "look", "film", "invert")
 LAST = 2  # deaths of its worker after which a job lets all the others go first
 SILENCE = 15.0  # [s] without a heartbeat after which a job is given to another
 
 
-class Store:
+class Store(Uploads):
     """Traces, jobs and results in a database.
 
     Args:
@@ -52,9 +51,9 @@ class Store:
     """
 
     def __init__(self, database: Database, *, queue: int = 1000, attempts: int = 3) -> None:
-        self.database, self.queue, self.attempts = database, queue, attempts
+        super().__init__(database)
+        self.queue, self.attempts = queue, attempts
         self.notifier = Notifier()  # notified where this process accepts a job or takes one back
-        self._recent = uploads.Recent()
         self._silence = Silence()
 
     @staticmethod
@@ -69,45 +68,6 @@ class Store:
     def close(self) -> None:
         """Let go of the database."""
         self.database.close()
-
-    def add_trace(self, name: str, content: bytes) -> TraceRow:
-        """Keep an uploaded file; the same bytes under the same suffix are kept once.
-
-        Raises:
-            StoreUnavailable: Nothing was kept.
-        """
-        given = Upload.of(name, content)
-        row = uploads.add(self.database, given)
-        self._recent.keep(given, row.name)
-        return row
-
-    def trace(self, trace: str) -> TraceRow:
-        """What is known of an upload.
-
-        Raises:
-            NotFound: No such trace.
-        """
-        return uploads.one(self.database, trace)
-
-    def trace_content(self, trace: str) -> bytes:
-        """The bytes of an upload.
-
-        Raises:
-            NotFound: No such trace.
-        """
-        return uploads.content(self.database, trace)
-
-    def files(self, traces: Sequence[str]) -> list[tuple[str, bytes]]:
-        """Name and bytes of many uploads.
-
-        Raises:
-            NotFound: No such trace.
-        """
-        return self._recent.all(traces) or uploads.files(self.database, traces)
-
-    def traces(self, limit: int = 50, before: str | None = None) -> list[TraceRow]:
-        """Uploads, the newest first; those before one."""
-        return uploads.some(self.database, limit, before)
 
     def submit(
         self, kind: str, specification: Mapping[str, Any], traces: Sequence[str | Upload], key: str | None = None
@@ -146,7 +106,7 @@ class Store:
             self._recent.require(connection, [one for one in traces if isinstance(one, str)])
             waiting = connection.execute(statements.WAITING).scalar_one()
             if waiting < self.queue:
-                names = [uploads.keep(self.database, connection, one) for one in given]
+                names = [self._keep(connection, one) for one in given]
                 row, made = self._insert(connection, kind, text, ids, content)
             else:
                 row, made = connection.execute(statements.LIVE_JOB, {"content": content}).one_or_none(), False
@@ -154,7 +114,7 @@ class Store:
                     raise queue_full(waiting, self.queue)
             if key is not None:
                 values = {"key": key, "content": content, "job": row.id}
-                if self._made(connection, statements.new_key, values) is None:
+                if self._made(connection, keys, values) is None:
                     self._same(connection, key, content, request)  # another server was faster with this key
         for one, name in zip(given, names, strict=False):  # none where nothing was kept
             self._recent.keep(one, name)
@@ -362,18 +322,12 @@ class Store:
             "state": QUEUED,
         }
         while True:
-            row = self._made(connection, statements.new_job, values)
+            row = self._made(connection, jobs, values)
             if row is not None:
                 return row, True
             row = connection.execute(statements.LIVE_JOB, {"content": content}).one_or_none()
             if row is not None:  # None where that one has failed meanwhile
                 return row, False
-
-    def _made(self, connection: sa.Connection, insert: Any, values: Mapping[str, str]) -> Any:
-        """The row that was inserted now, or None where there is one already."""
-        in_file = self.database.sqlite
-        clock = {"created": time.time()} if in_file else {}
-        return connection.execute(insert(in_file), {**values, **clock}).one_or_none()
 
     def _same(
         self, connection: sa.Connection, key: str | None, content: str, request: tuple[str, str, str]

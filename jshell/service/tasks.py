@@ -4,10 +4,8 @@ Plain functions that a process anywhere can import; nothing of the database,
 nothing of HTTP. A job is data only: what it asks for is looked up here by name.
 """
 
-import csv
 import dataclasses
 import functools
-import io as streams
 import json
 import os
 import warnings
@@ -23,10 +21,11 @@ from jshell.calibration.serialization import stored
 from jshell.errors import BadValue, JshellError, LimitReached, choose
 from jshell.files import NamedBytes
 from jshell.io.files import bytes_written
-from jshell.io.records import encode_record, plain
+from jshell.io.records import encode_record
 from jshell.oscillator import Coefficients
 from jshell.service import batches, films, inversions
 from jshell.service.archives import Content
+from jshell.service.encoding import as_csv, as_json
 from jshell.service.log import trace_of
 from jshell.service.shape import rounded
 from jshell.service.shared_file import FileRef
@@ -118,7 +117,7 @@ def fit(specification: Mapping[str, Any], files: Files) -> dict[str, bytes]:
         "table.csv": _parameters(found),
     }
     if specification.get("profile"):
-        made["profile.json"] = _json(found.profile().record())
+        made["profile.json"] = as_json(found.profile().record())
     if specification.get("netcdf", True):
         made["record.nc"] = bytes_written("record.nc", found.to_netcdf)
     return made
@@ -156,7 +155,7 @@ def simulate(specification: Mapping[str, Any], files: Files = ()) -> dict[str, b
     trace, film = motion(specification)
     names = ("trace.json", "trace.csv", *(("trace.nc",) if specification.get("netcdf", True) else ()))
     made = {name: bytes(io.encode_trace(name, trace).content) for name in names}
-    return made if film is None else made | {"film.json": _json(film)}
+    return made if film is None else made | {"film.json": as_json(film)}
 
 
 def film_of(motion: dynamics.Motion) -> dict[str, Any]:
@@ -217,11 +216,7 @@ def modes(specification: Mapping[str, Any], files: Files = ()) -> dict[str, byte
     conditions = _conditions(asked.pop("conditions", None))
     check_names(asked, MODES)
     rows = [dataclasses.asdict(row) for row in dynamics.modes(conditions, **asked).table()]
-    file = streams.StringIO()
-    writer = csv.DictWriter(file, fieldnames=list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return {"modes.json": _json(rows), "modes.csv": file.getvalue().encode()}
+    return {"modes.json": as_json(rows), "modes.csv": as_csv([rows[0], *(row.values() for row in rows)])}
 
 
 def _conditions(given: Any) -> Reduced:
@@ -252,17 +247,9 @@ def _limits(pair: Sequence[float | int | None]) -> tuple[float, float]:
     return (-np.inf if low is None else float(low), np.inf if high is None else float(high))
 
 
-def _json(content: Any) -> bytes:
-    return json.dumps(plain(content), ensure_ascii=False, allow_nan=False).encode()
-
-
 def _parameters(found: calibration.FitResult) -> bytes:
-    file = streams.StringIO()
-    writer = csv.writer(file, lineterminator="\n")
-    writer.writerow(["name", "value", "stderr", "role", "reason"])
+    rows: list[Sequence[Any]] = [("name", "value", "stderr", "role", "reason")]
     for one in (*found.estimates, *found.derived):
         stderr = float(one.stderr) if np.isfinite(one.stderr) else ""
-        writer.writerow(
-            [batches.cell(one.name), "" if one.undetermined else float(one.value), stderr, one.role, one.reason or ""]
-        )
-    return file.getvalue().encode()
+        rows.append((one.name, "" if one.undetermined else float(one.value), stderr, one.role, one.reason or ""))
+    return as_csv(rows)

@@ -2,16 +2,17 @@
 
 import hashlib
 import threading
+import time
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Any
 
 import sqlalchemy as sa
-from sqlalchemy.dialects import postgresql, sqlite
 
 from jshell.errors import NotFound
+from jshell.service import statements
 from jshell.service.database import Database
 from jshell.service.tables import contents, traces
 
@@ -108,84 +109,103 @@ class Recent:
             self._known |= found
 
 
-def add(database: Database, given: Upload) -> TraceRow:
-    """Keep a file; the same bytes under the same suffix are kept once."""
-    asked = sa.select(traces).where(traces.c.id == given.id)
-    with database.reading() as connection:
-        row = connection.execute(asked).one_or_none()
-    if row is None:
-        with database.writing() as connection:
-            keep(database, connection, given)
-            row = connection.execute(asked).one()
-    return _row(row)
+class Uploads:
+    """The files in a database.
 
-
-def keep(database: Database, connection: sa.Connection, given: Upload) -> str:
-    """Keep a file within the caller's transaction; the name under which it is kept, its first."""
-    dialect = sqlite if database.sqlite else postgresql
-    size, now = len(given.content), database.clock
-    insert = dialect.insert(traces).values(id=given.id, name=given.name, sha256=given.sha256, size=size, created=now)
-    insert = insert.on_conflict_do_nothing(index_elements=[traces.c.id]).returning(traces.c.id)
-    if connection.execute(insert).scalar() is not None:
-        connection.execute(contents.insert().values(trace=given.id, content=given.content))
-        return given.name
-    return connection.execute(sa.select(traces.c.name).where(traces.c.id == given.id)).scalar_one()
-
-
-def one(database: Database, trace: str) -> TraceRow:
-    """What is known of a file.
-
-    Raises:
-        NotFound: No such file.
+    Args:
+        database: Where.
     """
-    with database.reading() as connection:
-        row = connection.execute(sa.select(traces).where(traces.c.id == trace)).one_or_none()
-    if row is None:
-        raise unknown(trace)
-    return _row(row)
 
+    def __init__(self, database: Database) -> None:
+        self.database, self._recent = database, Recent()
 
-def content(database: Database, trace: str) -> bytes:
-    """The bytes of a file.
+    def add_trace(self, name: str, content: bytes) -> TraceRow:
+        """Keep an uploaded file; the same bytes under the same suffix are kept once.
 
-    Raises:
-        NotFound: No such file.
-    """
-    return files(database, [trace])[0][1]
+        Raises:
+            StoreUnavailable: Nothing was kept.
+        """
+        given = Upload.of(name, content)
+        asked = sa.select(traces).where(traces.c.id == given.id)
+        with self.database.reading() as connection:
+            row = connection.execute(asked).one_or_none()
+        if row is None:
+            with self.database.writing() as connection:
+                self._keep(connection, given)
+                row = connection.execute(asked).one()
+        self._recent.keep(given, row.name)
+        return _row(row)
 
+    def trace(self, trace: str) -> TraceRow:
+        """What is known of an upload.
 
-def files(database: Database, wanted: Sequence[str]) -> list[tuple[str, bytes]]:
-    """Name and bytes of many files, in their order.
+        Raises:
+            NotFound: No such trace.
+        """
+        with self.database.reading() as connection:
+            row = connection.execute(sa.select(traces).where(traces.c.id == trace)).one_or_none()
+        if row is None:
+            raise unknown(trace)
+        return _row(row)
 
-    Raises:
-        NotFound: No such file.
-    """
-    asked = sa.select(traces.c.id, traces.c.name, contents.c.content).join(contents, contents.c.trace == traces.c.id)
-    found: dict[str, tuple[str, bytes]] = {}
-    with database.reading() as connection:
-        for at in range(0, len(wanted), TOGETHER):
-            for row in connection.execute(asked.where(traces.c.id.in_(wanted[at : at + TOGETHER]))):
-                found[row.id] = (row.name, bytes(row.content))
-    for name in wanted:
-        if name not in found:
-            raise unknown(name)
-    return [found[name] for name in wanted]
+    def trace_content(self, trace: str) -> bytes:
+        """The bytes of an upload.
 
+        Raises:
+            NotFound: No such trace.
+        """
+        return self.files([trace])[0][1]
 
-def some(database: Database, limit: int, before: str | None) -> list[TraceRow]:
-    """Files, the newest first; those before one.
+    def files(self, wanted: Sequence[str]) -> list[tuple[str, bytes]]:
+        """Name and bytes of many uploads, in their order.
 
-    Raises:
-        NotFound: No such file to be before.
-    """
-    asked = sa.select(traces).order_by(traces.c.number.desc()).limit(limit)
-    with database.reading() as connection:
-        if before is not None:
-            number = connection.execute(sa.select(traces.c.number).where(traces.c.id == before)).scalar()
-            if number is None:
-                raise unknown(before)
-            asked = asked.where(traces.c.number < number)
-        return [_row(row) for row in connection.execute(asked)]
+        Raises:
+            NotFound: No such trace.
+        """
+        recent = self._recent.all(wanted)
+        if recent is not None:
+            return recent
+        asked = sa.select(traces.c.id, traces.c.name, contents.c.content).join(
+            contents, contents.c.trace == traces.c.id
+        )
+        found: dict[str, tuple[str, bytes]] = {}
+        with self.database.reading() as connection:
+            for at in range(0, len(wanted), TOGETHER):
+                for row in connection.execute(asked.where(traces.c.id.in_(wanted[at : at + TOGETHER]))):
+                    found[row.id] = (row.name, bytes(row.content))
+        for name in wanted:
+            if name not in found:
+                raise unknown(name)
+        return [found[name] for name in wanted]
+
+    def traces(self, limit: int = 50, before: str | None = None) -> list[TraceRow]:
+        """Uploads, the newest first; those before one.
+
+        Raises:
+            NotFound: No such trace to be before.
+        """
+        asked = sa.select(traces).order_by(traces.c.number.desc()).limit(limit)
+        with self.database.reading() as connection:
+            if before is not None:
+                number = connection.execute(sa.select(traces.c.number).where(traces.c.id == before)).scalar()
+                if number is None:
+                    raise unknown(before)
+                asked = asked.where(traces.c.number < number)
+            return [_row(row) for row in connection.execute(asked)]
+
+    def _keep(self, connection: sa.Connection, given: Upload) -> str:
+        """Keep a file within the caller's transaction; the name under which it is kept, its first."""
+        values = {"id": given.id, "name": given.name, "sha256": given.sha256, "size": len(given.content)}
+        if self._made(connection, traces, values) is not None:
+            connection.execute(contents.insert().values(trace=given.id, content=given.content))
+            return given.name
+        return connection.execute(sa.select(traces.c.name).where(traces.c.id == given.id)).scalar_one()
+
+    def _made(self, connection: sa.Connection, table: sa.Table, values: Mapping[str, Any]) -> Any:
+        """The row that was inserted now, or None where there is one already."""
+        in_file = self.database.sqlite
+        clock = {"created": time.time()} if in_file else {}
+        return connection.execute(statements.new(table, in_file), {**values, **clock}).one_or_none()
 
 
 def unknown(trace: str) -> NotFound:

@@ -11,7 +11,7 @@ import secrets
 import socket
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import CancelledError, Executor, Future
 from concurrent.futures import TimeoutError as NotYet
 from dataclasses import dataclass
@@ -202,7 +202,12 @@ class _Slot:
             return
         except Exception as error:  # a cluster without jshell, or another one: for the log, not for the user
             ended = _Stopped(self._fault(job, repr(error)))
-        outcome = ended.failure if isinstance(ended, _Stopped) else self._outcome(job, ended)
+        if isinstance(ended, _Stopped):
+            outcome = ended.failure
+        elif ended.fault is not None:
+            outcome = self._fault(job, ended.fault)
+        else:
+            outcome = ended.files if ended.error is None else JobFailure(**ended.error)
         if outcome is None:
             return
         if not self._insist(lambda: self.store.finish(job.id, self.owner, job.attempt, outcome)):
@@ -278,13 +283,6 @@ class _Slot:
                 if self.worker.ending.wait(pause):
                     break
         return change()
-
-    def _outcome(self, job: JobRow, answer: tasks.TaskResult) -> Mapping[str, bytes] | JobFailure:
-        if answer.fault is not None:
-            return self._fault(job, answer.fault)
-        if answer.error is not None:
-            return JobFailure(**answer.error)
-        return answer.files
 
     def _fault(self, job: JobRow, words: str) -> JobFailure:
         number = secrets.token_hex(4)

@@ -17,7 +17,7 @@ from jshell.cli.main import app
 from jshell.cli.options import flag
 from jshell.oscillator import random_shell, random_trace
 from jshell.service import sending, tasks
-from jshell.service.jobs import fit_specification
+from jshell.service.jobs import specification
 from jshell.service.schemas import FitRequest
 from jshell.service.web import forms
 from jshell.trace import Trace
@@ -100,7 +100,7 @@ def test_every_way_in_asks_for_the_same(options, words, fields, monkeypatch):
     """Python, the client's JSON through the request's checks, the terminal's line and the page's form."""
     wanted = js.calibration.FitOptions(**options)
     told = FitRequest.model_validate({"traces": [ID], **sending.fit_options(options)})
-    assert js.calibration.FitOptions.from_record(fit_specification(told)) == wanted
+    assert js.calibration.FitOptions.from_record(specification(told)) == wanted
 
     seen: dict = {}
     monkeypatch.setattr(js.calibration, "fit_trajectories", lambda traces, options: seen.update(options=options))
@@ -111,7 +111,7 @@ def test_every_way_in_asks_for_the_same(options, words, fields, monkeypatch):
     pairs = [("trace", ID), *[("channel", one) for one in fields.get("channel", "").split(",") if one]]
     pairs += [(name, text) for name, text in fields.items() if name != "channel"]
     posted = forms.read(ImmutableMultiDict(pairs)).request()
-    assert js.calibration.FitOptions.from_record(fit_specification(posted)) == wanted
+    assert js.calibration.FitOptions.from_record(specification(posted)) == wanted
 
 
 def test_every_way_in_says_the_same_words():

@@ -13,7 +13,6 @@ import sqlalchemy as sa
 
 from jshell.errors import BadName, BadStore, BadValue, KeyConflict, NotFound, QueueFull, StoreUnavailable
 from jshell.service import checkpoints, copies, tables
-from jshell.service import store as stores
 from jshell.service.store import JobFailure, Store
 from jshell.service.uploads import Upload
 
@@ -277,9 +276,9 @@ def test_an_observer_that_was_frozen_itself_begins_anew(store):
 def test_no_clock_makes_a_job_wait_or_go_first(store, monkeypatch):
     made = []
     for number, hours in enumerate((1, -1, 0, 2)):
-        monkeypatch.setattr(stores.time, "time", lambda hours=hours: 1.8e9 + 3600 * hours + 0.25)
+        monkeypatch.setattr(time, "time", lambda hours=hours: 1.8e9 + 3600 * hours + 0.25)
         made.append(asked(store, number).job.id)
-    monkeypatch.setattr(stores.time, "time", lambda: 1.8e9 - 7200.5)
+    monkeypatch.setattr(time, "time", lambda: 1.8e9 - 7200.5)
     assert [store.lease("me", 15).id for _ in made] == made
     for name in reversed(made):
         assert store.release(name, "me", 1)

@@ -9,7 +9,7 @@ from jshell.errors import BadName
 from jshell.service.api.answers import ONCE, Route
 from jshell.service.api.jobs import ACCEPTED, IdempotencyKey, accepted
 from jshell.service.films import is_film
-from jshell.service.jobs import film_specification
+from jshell.service.jobs import specification
 from jshell.service.reading import UPLOAD_SLOTS, options_of
 from jshell.service.safety import clean_name
 from jshell.service.schemas import FilmOptions
@@ -34,21 +34,13 @@ def measure(
     chosen = options_of(FilmOptions, options)
     with UPLOAD_SLOTS:
         name, content = clean_name(file.filename), file.file.read()
-        given = [checked(name, content)]
+        if not is_film(name, content):
+            raise BadName(
+                name, found="no film by its name", expected=", ".join((*FILMS, ".zip of pictures")),
+                remedy="Export the film as a TIFF stack, or zip its pictures; ImageJ and ffmpeg do.",
+            )  # fmt: skip
+        given, asked = [Upload.of(name, content)], specification(chosen)
         if grid is not None and grid.filename:
             given.append(Upload.of(clean_name(grid.filename), grid.file.read()))
-        return accepted(here.store.submit("film", film_specification(chosen, len(given) > 1), given, key))
-
-
-def checked(name: str, content: bytes) -> Upload:
-    """An upload that calls itself a film.
-
-    Raises:
-        BadName: It does not.
-    """
-    if not is_film(name, content):
-        raise BadName(
-            name, found="no film by its name", expected=", ".join((*FILMS, ".zip of pictures")),
-            remedy="Export the film as a TIFF stack, or zip its pictures; ImageJ and ffmpeg do.",
-        )  # fmt: skip
-    return Upload.of(name, content)
+            asked["grid"] = True
+        return accepted(here.store.submit("film", asked, given, key))

@@ -9,30 +9,25 @@ from fastapi.responses import JSONResponse
 from jshell.errors import BadValue
 from jshell.service.api.answers import ONCE, Before, Limit, Name, Route, binary, problem_responses
 from jshell.service.jobs import (
-    FILES,
     MEDIA,
     address,
     file_name,
     file_of,
-    film_shown,
-    fit_shown,
-    fit_specification,
-    inversion_shown,
-    invert_specification,
-    modes_shown,
     modes_specification,
     of_kind,
     packed,
     shown,
+    specification,
+    with_result,
 )
-from jshell.service.kinds import PLURAL
+from jshell.service.kinds import KINDS
 from jshell.service.reading import UPLOAD_SLOTS, check_one_readable, options_of
 from jshell.service.replies import FilmOut, FitOut, InversionOut, JobOut, JobPage, ModesOut
 from jshell.service.safety import attachment, clean_name
 from jshell.service.schemas import BatchOptions, FitRequest, InvertRequest, Key, ModesRequest, State
 from jshell.service.settings import MAX_BODY_BYTES
 from jshell.service.state import Here
-from jshell.service.store import JobRow, Submission
+from jshell.service.store import Submission
 from jshell.service.uploads import Upload
 
 router = APIRouter(route_class=Route)
@@ -58,13 +53,13 @@ def accepted(submission: Submission) -> JSONResponse:
 def fit(here: Here, asked: FitRequest, key: IdempotencyKey = None) -> Response:
     """Fit traces that share their constants. The same data and options are the same job."""
     _not_too_many(len(asked.traces), here.settings.traces)
-    return accepted(here.store.submit("fit", fit_specification(asked), asked.traces, key))
+    return accepted(here.store.submit("fit", specification(asked), asked.traces, key))
 
 
 @router.post("/inversions", tags=["inversions"], status_code=202, responses=ACCEPTED, summary="Ask what shell it is")
 def invert(here: Here, asked: InvertRequest, key: IdempotencyKey = None) -> Response:
     """Fit the simulator's small vibrations to ring-downs of one shell. The same data and question are the same job."""
-    return accepted(here.store.submit("invert", invert_specification(asked), asked.traces, key))
+    return accepted(here.store.submit("invert", specification(asked), asked.traces, key))
 
 
 @router.post("/modes", tags=["modes"], status_code=202, responses=ACCEPTED, summary="Find a shell's modes")
@@ -124,28 +119,12 @@ def _batch(here: Here, uploads: list[tuple[str, bytes]], options: str, key: str 
     _not_too_many(sum(packed(name, content) for name, content in uploads), here.settings.traces)
     check_one_readable(uploads)
     given = [Upload.of(name, content) for name, content in uploads]
-    specification = chosen.model_dump(mode="json", exclude_defaults=True)
-    return accepted(here.store.submit("batch", specification, given, key))
+    return accepted(here.store.submit("batch", specification(chosen), given, key))
 
 
-def _index(here: Here, kind: str, limit: int, before: str | None, state: str | None) -> dict[str, Any]:
-    rows = here.store.jobs(state, limit, before, kind)
-    wanted = "" if state is None else f"&state={state}"
-    more = f"/api/v1/{PLURAL[kind]}?limit={limit}&before={rows[-1].id}{wanted}" if len(rows) == limit else None
-    return {"jobs": [shown(row) for row in rows], "next": more}
-
-
-def _file(here: Here, job: JobRow, suffix: str) -> Response:
-    given = {"Content-Disposition": attachment(file_name(here.store, job, suffix))}
-    return Response(file_of(here.store, job, suffix), headers=given, media_type=MEDIA[suffix])
-
-
-_SHOWN = {"fit": fit_shown, "modes": modes_shown, "look": film_shown, "film": film_shown, "invert": inversion_shown}
-
-
-def _routes(kind: str, words: str, out: type[JobOut]) -> None:
+def _routes(kind: str, out: type[JobOut]) -> None:
     """The routes that every kind of job has: list, look, call off, results."""
-    plural = PLURAL[kind]
+    plural, words = KINDS[kind].plural, KINDS[kind].words
     tags: list[str | Enum] = [plural]
 
     @router.get(
@@ -155,10 +134,13 @@ def _routes(kind: str, words: str, out: type[JobOut]) -> None:
         here: Here, limit: Limit = 50, before: Before = None, state: Annotated[State | None, Query()] = None
     ) -> dict[str, Any]:
         """The latest first."""
-        return _index(here, kind, limit, before, state)
+        rows = here.store.jobs(state, limit, before, kind)
+        wanted = "" if state is None else f"&state={state}"
+        more = f"/api/v1/{plural}?limit={limit}&before={rows[-1].id}{wanted}" if len(rows) == limit else None
+        return {"jobs": [shown(row) for row in rows], "next": more}
 
-    for suffix in FILES[kind]:
-        _download(kind, suffix, words)
+    for suffix in KINDS[kind].files:
+        _download(kind, suffix)
 
     @router.get(
         f"/{plural}/{{id:key}}",
@@ -170,7 +152,7 @@ def _routes(kind: str, words: str, out: type[JobOut]) -> None:
     def one(here: Here, id: Name) -> dict[str, Any]:
         """State, progress, error, and what came out."""
         job = of_kind(here.store, id, kind)
-        return _SHOWN.get(kind, lambda store, job: shown(job))(here.store, job)
+        return with_result(here.store, job) if "result" in out.model_fields else shown(job)
 
     @router.delete(
         f"/{plural}/{{id:key}}",
@@ -185,28 +167,27 @@ def _routes(kind: str, words: str, out: type[JobOut]) -> None:
         return shown(here.store.cancel(id))
 
 
-def _download(kind: str, suffix: str, words: str) -> None:
+def _download(kind: str, suffix: str) -> None:
+    plural, words = KINDS[kind].plural, KINDS[kind].words
     media, json = MEDIA[suffix].partition(";")[0], "array" if kind == "modes" else "object"
 
     @router.get(
-        f"/{PLURAL[kind]}/{{id:key}}.{suffix}",
-        tags=[PLURAL[kind]],
+        f"/{plural}/{{id:key}}.{suffix}",
+        tags=[plural],
         response_class=Response,
         responses=problem_responses(404, 409, more=binary(media, f"The {words} as a file.", json)),
         summary=f"The {words} as .{suffix}",
     )
     def download(here: Here, id: Name) -> Response:
         """Its result as a file."""
-        return _file(here, of_kind(here.store, id, kind), suffix)
+        job = of_kind(here.store, id, kind)
+        given = {"Content-Disposition": attachment(file_name(here.store, job, suffix))}
+        return Response(file_of(here.store, job, suffix), headers=given, media_type=MEDIA[suffix])
 
 
-_routes("fit", "fit", FitOut)
-_routes("batch", "batch", JobOut)
-_routes("simulate", "simulation", JobOut)
-_routes("modes", "job for modes", ModesOut)
-_routes("look", "look at a film", FilmOut)
-_routes("film", "film", FilmOut)
-_routes("invert", "inversion", InversionOut)
+_OUT = {"fit": FitOut, "modes": ModesOut, "look": FilmOut, "film": FilmOut, "invert": InversionOut}
+for _kind in KINDS:
+    _routes(_kind, _OUT.get(_kind, JobOut))
 
 
 def _not_too_many(found: int, most: int) -> None:

@@ -7,6 +7,7 @@ import numpy as np
 from fastapi import APIRouter, Response
 from fastapi.responses import JSONResponse
 
+from jshell.errors import Outcome
 from jshell.oscillator import SOURCE, Coefficients, Decay, decay_by_law, decay_time
 from jshell.service import reduced
 from jshell.service.api.answers import Route, problem_responses
@@ -27,8 +28,7 @@ ANSWERS[202] |= {"model": JobOut, "description": "Accepted: the simulator runs a
 def simulate(here: Here, asked: SimulateRequest, key: IdempotencyKey = None) -> Response:
     """Frequencies, softening and a trace of the short model at once; with `model: simulator` a job."""
     if asked.model == "simulator":
-        submission = here.store.submit("simulate", simulator_specification(asked), [], key)
-        response = accepted(submission)
+        response = accepted(here.store.submit("simulate", simulator_specification(asked), [], key))
         response.status_code = 202
         return response
     return JSONResponse(answered(asked))
@@ -60,10 +60,10 @@ def answered(asked: SimulateRequest) -> dict[str, Any]:
     listed = lambda values: finite(np.asarray(values, dtype=float).tolist())  # noqa: E731
     slow, fast, sphere, bubble = listed(found.omega)
     load, *drops = listed(found.softening)
-    names = ("sphere", "omega_minus", "omega_plus", "marmottant")
+    outcome, names = Outcome(int(found.outcome)), ("sphere", "omega_minus", "omega_plus", "marmottant")
     return {
-        "outcome": found.outcome.word,
-        "advice": found.outcome.advice,
+        "outcome": outcome.word,
+        "advice": outcome.advice,
         "omega_minus": slow,
         "omega_plus": fast,
         "omega_sphere": sphere,

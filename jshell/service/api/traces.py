@@ -31,8 +31,13 @@ from jshell.service.uploads import TraceRow
 
 router = APIRouter(prefix="/traces", tags=["traces"])
 Made = TypeVar("Made")
-_numbers = TypeAdapter(dict[str, FiniteFloat])
-_fields = TypeAdapter(ReadingFields)
+_numbers, _fields = TypeAdapter(dict[str, FiniteFloat]), TypeAdapter(ReadingFields)
+# fields of a form in JSON: what is expected, what to try, what it is made into
+CONDITIONS = '{"d_hat": 0.22, …}', "Write names and finite numbers.", _numbers.validate_python
+READING = (
+    '{"columns": {"t": "Time"}, …}', "Write the fields of `jshell.io.Reading`.",
+    lambda found: Reading.from_record(_fields.validate_python(found)),
+)  # fmt: skip
 
 
 @router.post(
@@ -62,9 +67,9 @@ def upload(
     with UPLOAD_SLOTS:
         name, content = clean_name(file.filename), file.file.read()
         if reading:
-            name, content = settled(name, content, choices(reading))
+            name, content = settled(name, content, _field("reading", reading, *READING))
         if conditions:
-            name, content = with_conditions(name, content, numbers(conditions))
+            name, content = with_conditions(name, content, _field("conditions", conditions, *CONDITIONS))
         found = inspect(name, content)
         row = here.store.add_trace(name, content)
     return JSONResponse(read_out(row, found), 201, headers={"Location": f"/api/v1/traces/{row.id}"})
@@ -100,25 +105,6 @@ def one(here: Here, id: Name) -> dict[str, Any]:
     except JshellError as error:
         return unread(row, error)
     return read_out(row, found)
-
-
-def numbers(text: str) -> dict[str, float]:
-    """Conditions given as JSON.
-
-    Raises:
-        BadValue: Not an object of numbers.
-    """
-    return _field("conditions", text, '{"d_hat": 0.22, …}', "Write names and finite numbers.", _numbers.validate_python)
-
-
-def choices(text: str) -> Reading:
-    """What a file leaves open, given as JSON.
-
-    Raises:
-        BadName, BadValue: Not an object of its fields.
-    """
-    make = lambda found: Reading.from_record(_fields.validate_python(found))  # noqa: E731
-    return _field("reading", text, '{"columns": {"t": "Time"}, …}', "Write the fields of `jshell.io.Reading`.", make)
 
 
 def _field(place: str, text: str, expected: str, remedy: str, make: Callable[[Any], Made]) -> Made:

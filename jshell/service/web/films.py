@@ -6,19 +6,17 @@ from urllib.parse import urlencode
 
 from fastapi import APIRouter, Request, Response
 from fastapi.responses import HTMLResponse, RedirectResponse
-from starlette.concurrency import run_in_threadpool
 
 from jshell.errors import JshellError
 from jshell.service import jobs
-from jshell.service.jobs import film_specification, of_kind
-from jshell.service.safety import clean_name
+from jshell.service.jobs import of_kind, page
 from jshell.service.schemas import FilmOptions
 from jshell.service.state import Here, Service
 from jshell.service.store import JobRow
 from jshell.service.uploads import Upload
 from jshell.service.web import drawing, series
-from jshell.service.web.fits import common
-from jshell.service.web.forms import FitForm, validated
+from jshell.service.web.fits import common, handed_in
+from jshell.service.web.forms import PageForm, Sent, onward, validated
 from jshell.service.web.templates import shown
 
 router = APIRouter(include_in_schema=False, default_response_class=HTMLResponse)
@@ -32,73 +30,53 @@ MODES = (
 )
 
 
-def looked(here: Service, name: str, content: bytes, fields: Mapping[str, str] | None = None) -> Response:
-    """Keep a film and go to the first look at it."""
-    return _look(here, here.store.add_trace(name, content).id, fields or {})
-
-
-def _look(here: Service, film: str, fields: Mapping[str, str]) -> Response:
+def looked(here: Service, film: str | Upload, fields: Mapping[str, str] | None = None) -> Response:
+    """Go to the first look at a film."""
     job = here.store.submit("look", {}, [film]).job
-    return RedirectResponse(f"/looks/{job.id}" + (f"?{urlencode(fields)}" if fields else ""), 303)
+    return RedirectResponse(page(job) + (f"?{urlencode(fields)}" if fields else ""), 303)
 
 
 @router.get("/looks/{id}")
-def look(request: Request, here: Here, id: str) -> Response:
+def look(request: Request, here: Here, id: str, sent: Sent) -> Response:
     """The first frame of a film, and what is to be said of the camera."""
-    return _asking(request, here, of_kind(here.store, id, "look"), dict(request.query_params), None)
+    return _asking(request, here, of_kind(here.store, id, "look"), sent)
 
 
-def _asking(
-    request: Request, here: Service, job: JobRow, fields: Mapping[str, str], error: JshellError | None
-) -> Response:
-    given = common(here, job) | {"fields": fields, "error": error, "film": job.traces[0]}
+def _asking(request: Request, here: Service, job: JobRow, sent: PageForm) -> Response:
+    given = common(here, job) | {"fields": sent.fields, "error": sent.error, "film": job.traces[0]}
     if job.state == "done":
-        given["seen"] = jobs.film_found(here.store, job)
-    return shown(request, "look.html", given, 200 if error is None else 422)
+        given["seen"] = jobs.found_by(here.store, job)
+    return shown(request, "look.html", given, 200 if sent.error is None else 422)
 
 
 @router.post("/looks")
-async def again(request: Request, here: Here) -> Response:
+def again(here: Here, sent: Sent) -> Response:
     """Back to a film's first look, with what was said of the camera."""
-    async with request.form() as sent:
-        fields = {key: value for key, value in sent.items() if isinstance(value, str) and value}
-    return await run_in_threadpool(_look, here, fields.pop("film", ""), fields)
+    fields = {name: text for name, text in sent.fields.items() if text}
+    return looked(here, fields.pop("film", ""), fields)
 
 
 @router.post("/films")
-async def measure(request: Request, here: Here) -> Response:
+def measure(request: Request, here: Here, sent: Sent) -> Response:
     """Hand the measurement in, and go to its page; or say what is wrong, with all fields as they were."""
-    async with request.form(max_files=2) as sent:
-        fields = {key: value.strip() for key, value in sent.items() if isinstance(value, str)}
-        picture = sent.get("grid")
-        grid = None
-        if picture is not None and not isinstance(picture, str) and picture.filename:
-            grid = Upload.of(clean_name(picture.filename), await picture.read())
-    return await run_in_threadpool(_measured, request, here, fields, grid)
-
-
-def _measured(request: Request, here: Service, fields: dict[str, str], grid: Upload | None) -> Response:
-    looked = of_kind(here.store, fields.pop("look", ""), "look")
+    looked = of_kind(here.store, sent.fields.pop("look", ""), "look")
     try:
-        if grid is None and fields.get("kept"):
-            grid = Upload.of(here.store.trace(fields["kept"]).name, here.store.trace_content(fields["kept"]))
-        asked = film_specification(_options(fields), grid is not None)
-        given = [looked.traces[0]]
-        if grid is not None:
-            given.append(here.store.add_trace(grid.name, grid.content).id)
-        job = here.store.submit("film", asked, given).job
+        grid: list[Any] = [Upload.of(*one) for one in sent.uploads("grid")[:1]]
+        if not grid and sent.text("kept"):
+            grid = [sent.text("kept")]
+        asked = jobs.specification(_options(sent)) | ({"grid": True} if grid else {})
+        return handed_in(here, "film", asked, [looked.traces[0], *grid])
     except JshellError as error:
-        return _asking(request, here, looked, fields, error)
-    return RedirectResponse(f"/films/{job.id}", 303)
+        sent.error = error
+        return _asking(request, here, looked, sent)
 
 
-def _options(fields: Mapping[str, str]) -> FilmOptions:
+def _options(form: PageForm) -> FilmOptions:
     """The API's request, from the form's fields.
 
     Raises:
         BadValue: No number, or one outside its meaning.
     """
-    form = FitForm([], dict(fields))
     asked: dict[str, Any] = {name: float(form.number(name)) for name in NUMBERS if form.text(name)}
     if form.text("pixel"):
         asked["pixel"] = MILLIMETRE * form.number("pixel")
@@ -129,14 +107,13 @@ def film(request: Request, here: Here, id: str) -> Response:
     job = of_kind(here.store, id, "film")
     given = common(here, job) | {"asked": job.specification, "again": [("film", job.traces[0]), *_fields(job).items()]}
     if job.state == "done":
-        found, trace = jobs.film_found(here.store, job), jobs.filmed(here.store, job.id)
+        found, trace = jobs.found_by(here.store, job), jobs.trace_of(here.store, job.id)
         heard = found["signature"]
-        rows = [(words, heard.get(key), heard["stderr"].get(error), unit) for words, key, error, unit in MODES]
         scale = _in_hertz(heard)
-        rows = [
-            (words, value, None if sigma is None or scale is None else sigma * scale[unit], unit)
-            for words, value, sigma, unit in rows
-        ]
+        rows = []
+        for words, key, error, unit in MODES:
+            sigma = heard["stderr"].get(error)
+            rows.append((words, heard.get(key), sigma * scale[unit] if sigma is not None and scale else None, unit))
         given |= {"found": found, "heard": heard, "rows": rows, "plots": series.of_trace(trace, list(trace.channels))}
         given["fits"] = "H" in trace.channels or "V" in trace.channels
     return shown(request, "film.html", given)
@@ -154,7 +131,7 @@ def _in_hertz(heard: Mapping[str, Any]) -> dict[str, float] | None:
 @router.get("/films/{id}/trace.svg")
 def drawn(here: Here, id: str) -> Response:
     """Height and width in time for a browser without JavaScript."""
-    trace = jobs.filmed(here.store, of_kind(here.store, id, "film").id)
+    trace = jobs.trace_of(here.store, of_kind(here.store, id, "film").id)
     return Response(drawing.svg(series.of_trace(trace, list(trace.channels))), media_type="image/svg+xml")
 
 
@@ -176,4 +153,4 @@ def fit(here: Here, id: str) -> Response:
     job = of_kind(here.store, id, "film")
     name = jobs.file_name(here.store, job, "json")
     row = here.store.add_trace(name, here.store.result(job.id, "trace.json"))
-    return RedirectResponse("/traces/conditions?" + urlencode({"trace": row.id}), 303)
+    return onward(True, [row.id])

@@ -1,7 +1,7 @@
 """The page of a job: a fit with all that is known of it, a batch, and what both need."""
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 from urllib.parse import urlencode
 
@@ -12,11 +12,12 @@ from fastapi.responses import HTMLResponse, RedirectResponse
 from jshell.calibration import Estimate, FitResult
 from jshell.errors import RangeWarning
 from jshell.service import jobs
-from jshell.service.jobs import FILES, address, of_kind
+from jshell.service.jobs import files, of_kind, page, title
 from jshell.service.kinds import PLURAL
 from jshell.service.reading import conditions_of
 from jshell.service.state import Here, Service
 from jshell.service.store import JobRow
+from jshell.service.uploads import Upload
 from jshell.service.web import drawing, series
 from jshell.service.web.forms import again, python
 from jshell.service.web.templates import shown
@@ -68,8 +69,12 @@ def batch(request: Request, here: Here, id: str) -> Response:
 def cancel(here: Here, plural: str, id: str) -> Response:
     """Call a job off, and go back to its page."""
     kind = {many: one for one, many in PLURAL.items()}.get(plural, "fit")
-    job = here.store.cancel(of_kind(here.store, id, kind).id)
-    return RedirectResponse(f"/{PLURAL[job.kind]}/{job.id}", 303)
+    return RedirectResponse(page(here.store.cancel(of_kind(here.store, id, kind).id)), 303)
+
+
+def handed_in(here: Service, kind: str, specification: Mapping[str, Any], traces: Sequence[str | Upload]) -> Response:
+    """Hand a job in, and go to its page."""
+    return RedirectResponse(page(here.store.submit(kind, specification, traces).job), 303)
 
 
 def _names(here: Service, job: JobRow) -> list[str]:
@@ -78,15 +83,13 @@ def _names(here: Service, job: JobRow) -> list[str]:
 
 def common(here: Service, job: JobRow) -> dict[str, Any]:
     """What every page of a job is given."""
-    names = _names(here, job)
-    title = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
-    files = [(suffix, address(job, f".{suffix}")) for suffix in FILES[job.kind]] if job.state == "done" else []
+    words = title(here.store, job)
     return {
         "job": job,
-        "names": names,
-        "title": title or ("Modes" if job.kind == "modes" else "Simulation"),
-        "files": files,
-        "link": f"/{PLURAL[job.kind]}/{job.id}",
+        "names": _names(here, job),
+        "title": words if job.traces else words.capitalize(),
+        "files": list(files(job).items()),
+        "link": page(job),
     }
 
 
@@ -124,7 +127,7 @@ def _read(here: Service, job: JobRow, result: FitResult) -> list[dict[str, Any]]
     rows = []
     for name, trace, curves in zip(_names(here, job), result.traces, result.curves(), strict=True):
         times = np.asarray(trace.times, dtype=float)
-        time = series.reading(trace, "t", laboratory=trace.scales is not None)
+        time = series.axis(trace, "t")
         rows.append(
             {
                 "name": name,
@@ -143,15 +146,10 @@ def _row(result: FitResult, one: Estimate, profile: Mapping[str, Any] | None) ->
     if np.isfinite(one.stderr) and one.role != "fixed":
         interval = result.interval(one.name)
     found = (profile or {}).get("intervals", {}).get(one.name)
-    return {
-        "name": one.name,
-        "value": one.value,
+    return vars(one) | {
         "undetermined": one.undetermined,
         "stderr": one.stderr if np.isfinite(one.stderr) else None,
         "percent": one.percent,
-        "reason": one.reason,
-        "start": one.start,
-        "role": one.role,
         "interval": interval,
         "profile": found,
     }

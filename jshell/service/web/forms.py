@@ -1,22 +1,24 @@
-"""The form of a new fit: what a browser sends, as the API's own request.
+"""What a browser sends, and of the form of a new fit the API's own request.
 
 Every field is optional and has the library's default, so that the form posts
 without JavaScript, and a link can hold all of it.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import AsyncIterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
+from fastapi import Depends, Request, Response
+from fastapi.responses import RedirectResponse
 from pydantic import BaseModel, ValidationError
 from starlette.datastructures import ImmutableMultiDict
-from starlette.requests import Request
 
 from jshell.calibration.option_texts import read_texts
 from jshell.calibration.options import OPTIONS, FitOptions, choices_of, default_of, described
 from jshell.errors import BadValue, JshellError
 from jshell.io.sheets import NUMBER
 from jshell.service.problems import of_validation
+from jshell.service.safety import clean_name
 from jshell.service.schemas import FitRequest
 from jshell.service.store import JobRow
 
@@ -40,6 +42,8 @@ CONDITIONS = {
 CHOICES = tuple(name for name in OPTIONS if choices_of(name))  # options that are a choice among names
 TEXTS = ("drop", "priors")  # options that are written as in the terminal, several with commas between
 STRICT_ONLY = ("solver", "beta2", "dipole")
+MOST_FILES = 200  # of a form; as many traces
+LONGEST = 200  # characters of a field
 
 
 @dataclass(frozen=True)
@@ -82,19 +86,21 @@ def choice(name: str) -> Choice:
 
 
 @dataclass
-class FitForm:
+class PageForm:
     """What stands in the fields, as text; and what is wrong with it.
 
     Attributes:
         traces: Identifiers.
         fields: Name of a field to its text.
         channels: Those ticked; empty is the library's choice.
+        files: Names of a field, and Starlette's uploads.
         error: The first thing that is wrong.
     """
 
     traces: list[str]
     fields: dict[str, str] = field(default_factory=dict)
     channels: list[str] = field(default_factory=list)
+    files: list[tuple[str, Any]] = field(default_factory=list)
     error: JshellError | None = None
 
     def text(self, name: str) -> str:
@@ -105,8 +111,21 @@ class FitForm:
         """`free`, `fixed` or `local`."""
         return self.fields.get(f"role.{name}", "free")
 
+    def bounds(self, name: str) -> tuple[float | int | None, float | int | None]:
+        """The lowest and the highest value of a parameter, where they are said."""
+        low, high = (self.number(end) if self.text(end) else None for end in (f"low.{name}", f"high.{name}"))
+        return low, high
+
+    def uploads(self, name: str) -> list[tuple[str, bytes]]:
+        """Name and bytes of the files in a field; one that was left empty is none."""
+        return [
+            (clean_name(one.filename), content)
+            for key, one in self.files
+            if key == name and ((content := one.file.read()) or one.filename)
+        ]
+
     def request(self) -> FitRequest:
-        """The API's request.
+        """The API's request for a fit.
 
         Raises:
             BadValue: A field that holds no number, or a value that the API refuses.
@@ -135,11 +154,8 @@ class FitForm:
                 local.append(name)
             elif role == "tied":
                 tie[name] = self.text(f"tie.{name}")
-            low, high = self.text(f"low.{name}"), self.text(f"high.{name}")
-            if role != "fixed" and (low or high):
-                bounds[name] = (
-                    self.number(f"low.{name}") if low else None, self.number(f"high.{name}") if high else None
-                )  # fmt: skip
+            if role != "fixed" and self.bounds(name) != (None, None):
+                bounds[name] = self.bounds(name)
         uncertain: dict[str, Any] = {}
         for name in CONDITIONS:
             if self.text(f"known.{name}") == "free":
@@ -178,17 +194,30 @@ class FitForm:
         return int(value) if name in ("starts", "seed") and value.is_integer() else value
 
 
-async def received(request: Request) -> FitForm:
-    """The form that a request brings."""
-    async with request.form() as sent:
-        return read(sent)  # pyright: ignore[reportArgumentType]
+def read(given: ImmutableMultiDict[Any, Any]) -> PageForm:
+    """The form that a browser sent, or what of it stands in an address."""
+    texts = [(name, text.strip()[:LONGEST]) for name, text in given.multi_items() if isinstance(text, str)]
+    listed = lambda wanted: [text for name, text in texts if name == wanted]  # noqa: E731
+    files = [(name, file) for name, file in given.multi_items() if not isinstance(file, str)]
+    return PageForm(listed("trace")[:MOST_FILES], dict(texts), listed("channel")[:20], files)
 
 
-def read(given: ImmutableMultiDict[str, Any]) -> FitForm:
-    """The form that a browser sent."""
-    fields = {name: str(value)[:200] for name, value in given.multi_items() if isinstance(value, str)}
-    traces = [str(x) for x in given.getlist("trace")][:200]
-    return FitForm(traces, fields, [str(x)[:200] for x in given.getlist("channel")][:20])
+async def _sent(request: Request) -> AsyncIterator[PageForm]:
+    """Its files stay open until it is answered."""
+    if request.method != "POST":
+        yield read(request.query_params)
+        return
+    async with request.form(max_files=MOST_FILES) as given:
+        yield read(given)
+
+
+Sent = Annotated[PageForm, Depends(_sent)]  # what a route of the page is asked for
+
+
+def onward(bare: bool, traces: Sequence[str]) -> Response:
+    """From files to the form of their fit; first to the shell's conditions where some of them lack these."""
+    chosen = "&".join(f"trace={one}" for one in traces)
+    return RedirectResponse(f"/traces/conditions?{chosen}" if bare else f"/fits/new?{chosen}", 303)
 
 
 def again(job: JobRow) -> list[tuple[str, str]]:

@@ -7,25 +7,23 @@ from urllib.parse import urlencode
 import numpy as np
 from fastapi import APIRouter, Request, Response
 from fastapi.responses import HTMLResponse, RedirectResponse
-from starlette.concurrency import run_in_threadpool
 
 from jshell.errors import BadValue, JshellError, NotFound
 from jshell.inversion.recording import header
 from jshell.inversion.response import CHANNELS
-from jshell.inversion.unknowns import PLAIN, SI, Number
+from jshell.inversion.unknowns import PLAIN, SI
 from jshell.plot.inversions import SI_LENGTHS
-from jshell.plot.style import BLACK, BLUE, CHANNEL
 from jshell.quantities import QUANTITIES
 from jshell.service import jobs
-from jshell.service.jobs import invert_specification, of_kind
-from jshell.service.reading import TraceContent, inspected
+from jshell.service.jobs import of_kind, specification
+from jshell.service.reading import inspected
 from jshell.service.schemas import InvertRequest
 from jshell.service.state import Here, Service
 from jshell.service.store import JobRow
 from jshell.service.web import drawing
-from jshell.service.web.fits import common
-from jshell.service.web.forms import FitForm, read, received, validated
-from jshell.service.web.series import Line, Plot, thinned
+from jshell.service.web.fits import common, handed_in
+from jshell.service.web.forms import PageForm, Sent, validated
+from jshell.service.web.series import Plot, compared, thinned
 from jshell.service.web.templates import shown
 
 router = APIRouter(include_in_schema=False, default_response_class=HTMLResponse)
@@ -47,41 +45,38 @@ MARK = "asks"  # a field that says that the form was filled in, so that what is 
 
 
 @router.get("/inversions/new")
-def form(request: Request, here: Here) -> Response:
+def form(request: Request, here: Here, asked: Sent) -> Response:
     """What is known and what is asked of traces that were handed in."""
-    asked = read(request.query_params)
     if not asked.traces:
         return RedirectResponse("/fits/new", 303)
     return _configured(request, here, asked, 200)
 
 
 @router.post("/inversions")
-async def submit(request: Request, here: Here) -> Response:
+def submit(request: Request, here: Here, asked: Sent) -> Response:
     """Hand the inversion in, and go to its page; or say what is wrong, with all fields as they were."""
-    return await run_in_threadpool(_submitted, request, here, await received(request))
-
-
-def _submitted(request: Request, here: Service, asked: FitForm) -> Response:
     try:
         wanted = _asked(asked)
-        job = here.store.submit("invert", invert_specification(wanted), wanted.traces).job
+        return handed_in(here, "invert", specification(wanted), wanted.traces)
     except JshellError as error:
         asked.error = error
         return _configured(request, here, asked, 429 if error.code == "queue_full" else 422)
-    return RedirectResponse(f"/inversions/{job.id}", 303)
 
 
-def _configured(request: Request, here: Service, asked: FitForm, status: int) -> Response:
+def _configured(request: Request, here: Service, asked: PageForm, status: int) -> Response:
     looks = [inspected(here.store, trace) for trace in asked.traces]
-    si = _in_si([one for _, one in looks])
-    said = header(looks[0][1].trace, si)
-    known = {name: _number(said[name]) for name in said}
+    traces = [one.trace for _, one in looks]
+    # in SI where the files have units, or say nothing of the shell
+    si = any(one.scales is not None for one in traces) or all(one.conditions is None for one in traces)
+    table = SI if si else PLAIN
+    said = {name: f"{one.usual:g}, usual" for name, one in table.items() if one.usual is not None}
+    said |= {name: f"{value:.6g}" for name, value in header(traces[0], si).items()}
     given = {
         "form": asked,
         "names": [name for name, _ in looks],
-        "rows": [(name, WORDS[name], one, _said(name, one, known)) for name, one in _table(si).items()],
-        "channels": [name for name in CHANNELS if all(name in one.trace.channels for _, one in looks)],
-        "time": "s" if si or looks[0][1].trace.conditions is None else "time unit",
+        "rows": [(name, words, table[name], said.get(name, "")) for name, words in WORDS.items() if name in table],
+        "channels": [name for name in CHANNELS if all(name in one.channels for one in traces)],
+        "time": "s" if si or traces[0].conditions is None else "time unit",
         "fresh": not asked.text(MARK),
         "several": len(looks) > 1,
         "mark": MARK,
@@ -89,28 +84,7 @@ def _configured(request: Request, here: Service, asked: FitForm, status: int) ->
     return shown(request, "ask_shell.html", given, status)
 
 
-def _in_si(looks: list[TraceContent]) -> bool:
-    """Whether the form asks in SI: the files have units, or say nothing of the shell."""
-    return any(one.trace.scales is not None for one in looks) or all(one.trace.conditions is None for one in looks)
-
-
-def _table(si: bool) -> dict[str, Number]:
-    table = SI if si else PLAIN
-    return {name: table[name] for name in WORDS if name in table}
-
-
-def _said(name: str, one: Number, known: dict[str, str]) -> str:
-    """What is taken of a number where nobody says anything."""
-    if name in known:
-        return known[name]
-    return "" if one.usual is None else f"{one.usual:g}, usual"
-
-
-def _number(value: float) -> str:
-    return f"{value:.6g}"
-
-
-def _asked(form: FitForm) -> InvertRequest:
+def _asked(form: PageForm) -> InvertRequest:
     """The API's request, from the form's fields.
 
     Raises:
@@ -128,11 +102,8 @@ def _asked(form: FitForm) -> InvertRequest:
                 asked["priors"][name] = {
                     "mean": form.number(f"value.{name}"), "sigma": form.number(f"error.{name}")
                 }  # fmt: skip
-            low, high = (
-                form.number(f"{end}.{name}") if form.text(f"{end}.{name}") else None for end in ("low", "high")
-            )
-            if low is not None or high is not None:
-                asked["bounds"][name] = (low, high)
+            if form.bounds(name) != (None, None):
+                asked["bounds"][name] = form.bounds(name)
     if not asked["unknown"]:
         raise BadValue(
             "what is asked", found="nothing", expected="a number of the shell",
@@ -175,7 +146,7 @@ def inversion(request: Request, here: Here, id: str) -> Response:
     job = of_kind(here.store, id, "invert")
     given = common(here, job) | {"again": urlencode(_again(job)), "asked": job.specification}
     if job.state == "done":
-        found = jobs.inverted(here.store, job.id)
+        found = jobs.found_by(here.store, job)
         given |= {"found": found, "words": WORDS, "plots": _plots(here, job)}
     return shown(request, "inversion.html", given)
 
@@ -203,15 +174,8 @@ def _plots(here: Service, job: JobRow) -> list[Plot]:
         for channel, both in one["channels"].items():
             row = QUANTITIES[channel]
             factor, unit = SI_LENGTHS[row.dimension] if one["si"] else (1.0, row.scale)
-            at, data, curve = thinned(
-                times, *(factor * np.asarray(both[name], dtype=float) for name in ("data", "curve"))
-            )
-            left = float(np.std(data - curve) / max(float(np.std(data)), 1e-300))
+            rows = thinned(times, *(factor * np.asarray(both[name], dtype=float) for name in ("data", "curve")))
             of = f"{one['name']}: " if len(told) > 1 else ""
-            label, time = f"{row.symbol} [{unit}]", "t [ms]" if one["si"] else "t"
-            words = f"{of}{label} over {time}: data and simulator, which leaves {100 * left:.2g} % of the scatter."
-            lines = (
-                Line("data", CHANNEL.get(channel, BLUE), data, 1, dots=True), Line("simulator", BLACK, curve, 1.3)
-            )  # fmt: skip
-            plots.append(Plot(f"{of}{label}", words, time, label, at, lines))
+            labels = "t [ms]" if one["si"] else "t", f"{row.symbol} [{unit}]"
+            plots.append(compared("simulator", of, labels, channel, rows))
     return plots

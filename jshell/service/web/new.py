@@ -2,12 +2,11 @@
 
 from collections.abc import Sequence
 from pathlib import PurePath
-from typing import Any, no_type_check
+from typing import Any
 
 import numpy as np
-from fastapi import APIRouter, Request, Response, UploadFile
-from fastapi.responses import HTMLResponse, RedirectResponse
-from starlette.concurrency import run_in_threadpool
+from fastapi import APIRouter, Request, Response
+from fastapi.responses import HTMLResponse
 
 from jshell import io
 from jshell.calibration.data import usual_channels
@@ -15,19 +14,19 @@ from jshell.errors import BadFile, BadValue, JshellError
 from jshell.io.headers import REDUCED_KEYS, SHARED_KEYS, SI_KEYS
 from jshell.quantities import QUANTITIES
 from jshell.service.films import is_film
-from jshell.service.jobs import fit_specification, packed
+from jshell.service.jobs import packed, specification
 from jshell.service.preview import Preview, preview
 from jshell.service.reading import UPLOAD_SLOTS, TraceContent, conditions_of, inspect, inspected, with_conditions
-from jshell.service.safety import clean_name
 from jshell.service.state import Here, Service
+from jshell.service.uploads import Upload
 from jshell.service.web import drawing, series, settle
 from jshell.service.web.films import looked
-from jshell.service.web.forms import CONDITIONS, MODAL, STRICT, SYMBOLS, FitForm, choice, read, received, selects
+from jshell.service.web.fits import handed_in
+from jshell.service.web.forms import CONDITIONS, MODAL, STRICT, SYMBOLS, PageForm, Sent, choice, onward, selects
 from jshell.service.web.templates import shown
 
 router = APIRouter(include_in_schema=False, default_response_class=HTMLResponse)
 EXAMPLE = "attached_R_HW.csv"
-MOST_FILES = 200
 _SI_WORDS = {
     "R0_m": "radius R₀ [m]",
     "d_m": "thickness d [m]",
@@ -40,36 +39,26 @@ _SI_WORDS = {
 
 
 @router.get("/fits/new")
-def form(request: Request, here: Here) -> Response:
+def form(request: Request, here: Here, asked: Sent) -> Response:
     """Where files are handed in; and, with traces chosen, the form of the fit."""
-    asked = read(request.query_params)
     if not asked.traces:
         return shown(request, "upload.html", {"error": None, "limit": here.settings.upload})
     return configured(request, here, asked, 200)
 
 
 @router.get("/fits/new/preview.svg")
-def drawn(request: Request, here: Here) -> Response:
+def drawn(here: Here, asked: Sent) -> Response:
     """The preview's curves for a browser without JavaScript."""
-    asked = read(request.query_params)
     names, looks = _looks(here, asked.traces)
     plots = series.of_preview(_previewed(asked, looks), [one.trace for one in looks], names)
     return Response(drawing.svg(plots), media_type="image/svg+xml")
 
 
 @router.post("/traces")
-async def upload(request: Request, here: Here) -> Response:
+def upload(request: Request, here: Here, sent: Sent) -> Response:
     """Take files, and go on to the form, to their conditions, or, for an archive, to the batch."""
-    async with request.form(max_files=MOST_FILES) as sent:
-        files = [item for item in sent.getlist("file") if not isinstance(item, str)]
-        return await run_in_threadpool(_taken, request, here, files)
-
-
-@no_type_check  # FastAPI hands in Starlette's UploadFile where its own is announced
-def _taken(request: Request, here: Service, files: Sequence[UploadFile]) -> Response:
     with UPLOAD_SLOTS:
-        read = [(file.filename, file.file.read()) for file in files]
-        return _kept(request, here, [(clean_name(name), content) for name, content in read if name or content])
+        return _kept(request, here, sent.uploads("file"))
 
 
 def _kept(request: Request, here: Service, given: Sequence[tuple[str, bytes]]) -> Response:
@@ -83,21 +72,18 @@ def _kept(request: Request, here: Service, given: Sequence[tuple[str, bytes]]) -
                 remedy="Send it alone; a grid's picture is asked for next.",
             )  # fmt: skip
         if films:
-            return looked(here, *given[0])
+            return looked(here, Upload.of(*given[0]))
         if len(given) == 1 and is_batch(*given[0]):
-            row = here.store.add_trace(*given[0])
-            return RedirectResponse(f"/batches/{here.store.submit('batch', {}, [row.id]).job.id}", 303)
-        ids, lacking = [], []
+            return handed_in(here, "batch", {}, [Upload.of(*given[0])])
+        ids, lacking = [], False
         for name, content in given:
-            if inspect(name, content).trace.conditions is None:
-                lacking.append(name)
+            lacking |= inspect(name, content).trace.conditions is None
             ids.append(here.store.add_trace(name, content).id)
     except JshellError as error:
         if len(given) == 1 and settle.columns(*given[0]):  # it holds a table: its owner may say what it leaves open
-            return settle.page(request, here, here.store.add_trace(*given[0]).id, {}, error)
+            return settle.page(request, here, PageForm([here.store.add_trace(*given[0]).id], error=error))
         return shown(request, "upload.html", {"error": error, "limit": here.settings.upload}, 422)
-    chosen = "&".join(f"trace={one}" for one in ids)
-    return RedirectResponse(f"/traces/conditions?{chosen}" if lacking else f"/fits/new?{chosen}", 303)
+    return onward(lacking, ids)
 
 
 def is_batch(name: str, content: bytes) -> bool:
@@ -110,33 +96,22 @@ def is_batch(name: str, content: bytes) -> bool:
 def try_example(here: Here) -> Response:
     """The example recording, as if it had been uploaded."""
     row = here.store.add_trace(EXAMPLE, io.example(EXAMPLE).read_bytes())
-    return RedirectResponse(f"/fits/new?trace={row.id}", 303)
+    return onward(False, [row.id])
 
 
 @router.get("/traces/conditions")
-def ask_conditions(request: Request, here: Here) -> Response:
+def ask_conditions(request: Request, here: Here, sent: Sent) -> Response:
     """The shell and its load, for files that do not say."""
-    return _conditions(request, here, request.query_params.getlist("trace")[:MOST_FILES], {}, None)
+    return _conditions(request, here, sent)
 
 
 @router.post("/traces/conditions")
-async def give_conditions(request: Request, here: Here) -> Response:
+def give_conditions(request: Request, here: Here, sent: Sent) -> Response:
     """Write the conditions into the files, and go on to the form."""
-    async with request.form() as sent:
-        fields = {key: value for key, value in sent.items() if isinstance(value, str)}
-        traces = [str(one) for one in sent.getlist("trace")][:MOST_FILES]
-    return await run_in_threadpool(_given, request, here, traces, fields)
-
-
-def _given(request: Request, here: Service, traces: list[str], fields: dict[str, str]) -> Response:
     try:
-        numbers = {}
-        for key in (*REDUCED_KEYS, *SI_KEYS, *SHARED_KEYS):
-            text = fields.get(key, "").strip().replace(",", ".")
-            if text:
-                numbers[key] = FitForm([], {key: text}).number(key)
+        numbers = {key: sent.number(key) for key in (*REDUCED_KEYS, *SI_KEYS, *SHARED_KEYS) if sent.text(key)}
         ids = []
-        for trace in traces:
+        for trace in sent.traces:
             row = here.store.trace(trace)
             name, content = with_conditions(row.name, here.store.trace_content(trace), numbers)
             if inspect(name, content).trace.conditions is None:
@@ -145,58 +120,50 @@ def _given(request: Request, here: Service, traces: list[str], fields: dict[str,
                 )
             ids.append(here.store.add_trace(name, content).id)
     except JshellError as error:
-        return _conditions(request, here, traces, fields, error)
-    return RedirectResponse("/fits/new?" + "&".join(f"trace={one}" for one in ids), 303)
+        sent.error = error
+        return _conditions(request, here, sent)
+    return onward(False, ids)
 
 
-def _conditions(
-    request: Request, here: Service, traces: list[str], fields: dict[str, str], error: JshellError | None
-) -> Response:
-    rows = [here.store.trace(one) for one in traces]
+def _conditions(request: Request, here: Service, sent: PageForm) -> Response:
     given = {
-        "rows": rows,
-        "fields": fields,
-        "error": error,
+        "rows": [here.store.trace(one) for one in sent.traces],
+        "fields": sent.fields,
+        "error": sent.error,
         "reduced": [(key, f"{QUANTITIES[key].symbol}, {QUANTITIES[key].words}") for key in REDUCED_KEYS],
         "si": list(_SI_WORDS.items()),
         "shared": [(key, f"{QUANTITIES[key].symbol}, {QUANTITIES[key].words}") for key in SHARED_KEYS],
     }
-    return shown(request, "conditions.html", given, 200 if error is None else 422)
+    return shown(request, "conditions.html", given, 200 if sent.error is None else 422)
 
 
 @router.post("/fits")
-async def submit(request: Request, here: Here) -> Response:
+def submit(request: Request, here: Here, asked: Sent) -> Response:
     """Hand the fit in, and go to its page; or say what is wrong, with all fields as they were."""
-    return await run_in_threadpool(_submitted, request, here, await received(request))
-
-
-def _submitted(request: Request, here: Service, asked: FitForm) -> Response:
     try:
         _unsay_usual_channels(here, asked)
         wanted = asked.request()
-        job = here.store.submit("fit", fit_specification(wanted), wanted.traces).job
+        return handed_in(here, "fit", specification(wanted), wanted.traces)
     except JshellError as error:
         asked.error = error
         return configured(request, here, asked, 429 if error.code == "queue_full" else 422)
-    return RedirectResponse(f"/fits/{job.id}", 303)
 
 
-def _unsay_usual_channels(here: Service, asked: FitForm) -> None:
+def _unsay_usual_channels(here: Service, asked: PageForm) -> None:
     """Channels that the library would choose itself are not said, so that the same fit is the same job."""
     traces = [one.trace for one in _looks(here, asked.traces)[1]]
     if traces and set(asked.channels) == set(usual_channels(traces, asked.text("loss") or None)[1]):
         asked.channels = []
 
 
-def configured(request: Request, here: Service, asked: FitForm, status: int) -> Response:
+def configured(request: Request, here: Service, asked: PageForm, status: int) -> Response:
     """The form of a fit of chosen traces; without any, the page where they are handed in."""
     if not asked.traces:
         error = BadValue("traces", found="none", expected="at least one", remedy="Choose a file first.")
         return shown(request, "upload.html", {"error": error, "limit": here.settings.upload}, 422)
     names, looks = _looks(here, asked.traces)
     if any(one.trace.conditions is None for one in looks):
-        chosen = "&".join(f"trace={one}" for one in asked.traces)
-        return RedirectResponse(f"/traces/conditions?{chosen}", 303)
+        return onward(True, asked.traces)
     found, refused = None, None
     try:
         found = _previewed(asked, looks)
@@ -231,7 +198,7 @@ def _looks(here: Service, traces: Sequence[str]) -> tuple[list[str], list[TraceC
     return [name for name, _ in pairs], [one for _, one in pairs]
 
 
-def _previewed(asked: FitForm, looks: Sequence[TraceContent]) -> Preview:
+def _previewed(asked: PageForm, looks: Sequence[TraceContent]) -> Preview:
     fix = {
         name: float(asked.number(f"value.{name}"))
         for name in SYMBOLS
@@ -250,7 +217,7 @@ def _previewed(asked: FitForm, looks: Sequence[TraceContent]) -> Preview:
 
 def _time(looks: Sequence[TraceContent]) -> tuple[str, float]:
     """In which unit the form asks for times, and how many of it are one dimensionless unit."""
-    read = [series.reading(one.trace, "t", laboratory=one.trace.scales is not None) for one in looks]
+    read = [series.axis(one.trace, "t") for one in looks]
     if len({(one.unit, one.factor) for one in read}) > 1 or not read[0].unit:
         return "dimensionless", 1.0
     return read[0].unit, read[0].factor
@@ -271,7 +238,7 @@ def _begin(found: Preview | None, name: str) -> str:
 def _facts(id: str, name: str, found: TraceContent) -> dict[str, Any]:
     trace = found.trace
     times = np.asarray(trace.times, dtype=float)
-    time = series.reading(trace, "t", laboratory=trace.scales is not None)
+    time = series.axis(trace, "t")
     columns = [
         {"name": one, "unit": unit, "words": QUANTITIES[one].words if one in QUANTITIES else "a channel of your own"}
         for one, unit in found.units.items()

@@ -11,13 +11,10 @@ from fastapi.staticfiles import StaticFiles
 from starlette.concurrency import run_in_threadpool
 
 from jshell.errors import JshellError, NotFound
-from jshell.service import sessions
-from jshell.service.jobs import summary
-from jshell.service.kinds import PLURAL
+from jshell.service import jobs, sessions
 from jshell.service.problems import KINDS, Kind, Refused, headers_of
 from jshell.service.safety import COOKIE
 from jshell.service.state import Here
-from jshell.service.store import JobRow, Store
 from jshell.service.web import films, fits, inversions, new, settle, simulations
 from jshell.service.web.templates import shown
 
@@ -47,30 +44,11 @@ def index(request: Request, here: Here, before: str | None = None) -> Response:
     """The list of jobs."""
     rows = here.store.jobs(None, ROWS, before)
     more = rows[-1].id if len(rows) == ROWS else None
-    listed = [line(here.store, row) for row in rows]
+    words = lambda row: {"title": jobs.title(here.store, row), "words": jobs.summary(here.store, row)}  # noqa: E731
+    listed = [{"job": row, "link": jobs.page(row)} | words(row) for row in rows]
     busy = any(not row.over for row in rows)
     given = {"rows": listed, "more": more, "first": before is None, "busy": busy, "counts": here.store.counts()}
     return shown(request, "index.html", given)
-
-
-def line(store: Store, job: JobRow) -> dict[str, Any]:
-    """A job's line in the list."""
-    names = [_name(store, trace) for trace in job.traces[:3]]
-    more = len(job.traces) - len(names)
-    title = ", ".join(names) + (f" and {more} more" if more > 0 else "")
-    return {
-        "job": job,
-        "title": title or ("modes" if job.kind == "modes" else "simulation"),
-        "link": f"/{PLURAL[job.kind]}/{job.id}",
-        "words": summary(store, job),
-    }
-
-
-def _name(store: Store, trace: str) -> str:
-    try:
-        return store.trace(trace).name
-    except NotFound:
-        return "an upload that is gone"
 
 
 @router.get("/login")

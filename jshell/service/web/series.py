@@ -77,7 +77,8 @@ def thinned(*rows: np.ndarray) -> list[np.ndarray]:
     return [np.asarray(row)[::step] for row in rows]
 
 
-def _read(trace: Trace, name: str) -> AxisUnit:
+def axis(trace: Trace, name: str) -> AxisUnit:
+    """A channel as the page shows it: in SI where the trace has units."""
     return reading(trace, name, laboratory=trace.scales is not None)
 
 
@@ -88,7 +89,7 @@ def of_preview(found: Preview, whole: Sequence[Trace], names: Sequence[str]) -> 
         times = np.asarray(trace.times, dtype=float)
         inside = np.isin(times, np.asarray(cut.times, dtype=float))
         for channel in found.channels:
-            time, shown = _read(trace, "t"), _read(trace, channel)
+            time, shown = axis(trace, "t"), axis(trace, channel)
             data = shown.factor * np.asarray(trace[channel], dtype=float)
             color = CHANNEL.get(channel, BLUE)
             rows = [time.factor * times, data]
@@ -115,23 +116,17 @@ def of_fit(result: FitResult, names: Sequence[str]) -> list[tuple[Plot, Plot]]:
     plots = []
     for number, (trace, curves) in enumerate(zip(result.traces, result.curves(), strict=True)):
         for channel, curve in curves.items():
-            time, shown = _read(trace, "t"), _read(trace, channel)
-            color = CHANNEL.get(channel, BLUE)
+            time, shown = axis(trace, "t"), axis(trace, channel)
             data = np.asarray(trace[channel], dtype=float)
             at, data, curve = thinned(
                 time.factor * np.asarray(trace.times, float), shown.factor * data, shown.factor * curve
             )
             left = data - curve
             of = f"{names[number]}: " if len(result.traces) > 1 else ""
-            scatter = float(np.nanstd(left) / max(float(np.nanstd(data)), 1e-300))
-            words = (
-                f"{of}{shown.label} over {time.label}: data and fit, which leaves {100 * scatter:.2g} % of the scatter."
-            )
-            above = (Line("data", color, data, 1, dots=True), Line("fit", BLACK, curve, 1.3))
             below = (Line("residual", GREY, left, 1),)
             plots.append(
                 (
-                    Plot(f"{of}{shown.label}", words, time.label, shown.label, at, above),
+                    compared("fit", of, (time.label, shown.label), channel, (at, data, curve)),
                     Plot(
                         f"{of}residual of {shown.symbol}",
                         f"Residual of {shown.symbol}, between {np.nanmin(left):.3g} and {np.nanmax(left):.3g}.",
@@ -142,11 +137,28 @@ def of_fit(result: FitResult, names: Sequence[str]) -> list[tuple[Plot, Plot]]:
     return plots
 
 
+def compared(name: str, of: str, labels: tuple[str, str], channel: str, rows: Sequence[np.ndarray]) -> Plot:
+    """Data with a curve over them, and how much of their scatter it leaves.
+
+    Args:
+        name: Of the curve.
+        of: What stands before the label where there are several recordings.
+        labels: Of time and channel.
+        channel: Chooses the colour.
+        rows: Times, data and curve.
+    """
+    (time, label), (at, data, curve) = labels, rows
+    left = float(np.nanstd(data - curve) / max(float(np.nanstd(data)), 1e-300))
+    words = f"{of}{label} over {time}: data and {name}, which leaves {100 * left:.2g} % of the scatter."
+    lines = (Line("data", CHANNEL.get(channel, BLUE), data, 1, dots=True), Line(name, BLACK, curve, 1.3))
+    return Plot(f"{of}{label}", words, time, label, at, lines)
+
+
 def of_trace(trace: Trace, channels: Sequence[str]) -> list[Plot]:
     """Channels of a trace as they are."""
     plots = []
     for channel in channels:
-        time, shown = _read(trace, "t"), _read(trace, channel)
+        time, shown = axis(trace, "t"), axis(trace, channel)
         data = shown.factor * np.asarray(trace[channel], dtype=float)
         at, data = thinned(time.factor * np.asarray(trace.times, dtype=float), data)
         words = f"{shown.label} over {time.label}, from {np.nanmin(data):.4g} to {np.nanmax(data):.4g}."

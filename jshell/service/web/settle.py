@@ -1,14 +1,11 @@
 """The page of a file that leaves something open: its columns to be named, its units, the rate of its samples."""
 
 import warnings
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
-from urllib.parse import urlencode
 
 from fastapi import APIRouter, Request, Response
-from fastapi.responses import HTMLResponse, RedirectResponse
-from starlette.concurrency import run_in_threadpool
+from fastapi.responses import HTMLResponse
 
 from jshell.errors import JshellError
 from jshell.files import NamedBytes
@@ -17,6 +14,7 @@ from jshell.io.formats import read_sheet
 from jshell.quantities import QUANTITIES
 from jshell.service.reading import inspect, settled
 from jshell.service.state import Here, Service
+from jshell.service.web.forms import PageForm, Sent, onward
 from jshell.service.web.templates import shown
 
 router = APIRouter(include_in_schema=False, default_response_class=HTMLResponse)
@@ -54,34 +52,46 @@ def columns(name: str, content: bytes) -> list[Column]:
 
 
 @router.get("/traces/settle")
-def ask(request: Request, here: Here) -> Response:
+def ask(request: Request, here: Here, trace: str = "") -> Response:
     """What a file holds, and what is to be said of it."""
-    return page(request, here, str(request.query_params.get("trace", "")), {}, None)
+    return page(request, here, PageForm([trace]))
 
 
 @router.post("/traces/settle")
-async def settle(request: Request, here: Here) -> Response:
+def settle(request: Request, here: Here, sent: Sent) -> Response:
     """Read the file as its owner says, and go on."""
-    async with request.form() as sent:
-        fields = {key: value.strip() for key, value in sent.items() if isinstance(value, str)}
-    return await run_in_threadpool(_settled, request, here, fields)
+    trace = sent.text("trace")
+    row, content = here.store.trace(trace), here.store.trace_content(trace)
+    try:
+        name, content = settled(row.name, content, reading(sent, columns(row.name, content)))
+        bare = inspect(name, content).trace.conditions is None
+    except JshellError as error:
+        sent.error = error
+        return page(request, here, sent)
+    return onward(bare, [here.store.add_trace(name, content).id])
 
 
-def page(request: Request, here: Service, trace: str, fields: Mapping[str, str], error: JshellError | None) -> Response:
+def page(request: Request, here: Service, sent: PageForm) -> Response:
     """The page of one file."""
-    row = here.store.trace(trace)
-    seen = columns(row.name, here.store.trace_content(trace))
-    if error is None and not fields:
+    row = here.store.trace(sent.traces[0] if sent.traces else "")
+    content, error = here.store.trace_content(row.id), sent.error
+    if error is None:
         try:
-            inspect(row.name, here.store.trace_content(trace))
+            inspect(row.name, content)
         except JshellError as refused:
             error = refused
     roles = [(one, f"{one}, {QUANTITIES[one].words}") for one in ROLES]
-    given: dict[str, Any] = {"row": row, "columns": seen, "fields": fields, "error": error, "roles": roles}
+    given: dict[str, Any] = {
+        "row": row,
+        "columns": columns(row.name, content),
+        "fields": sent.fields,
+        "error": error,
+        "roles": roles,
+    }
     return shown(request, "settle.html", given, 200 if error is None else 422)
 
 
-def reading(fields: Mapping[str, str], seen: list[Column]) -> Reading:
+def reading(sent: PageForm, seen: list[Column]) -> Reading:
     """What the page's fields say of a file.
 
     Raises:
@@ -90,38 +100,17 @@ def reading(fields: Mapping[str, str], seen: list[Column]) -> Reading:
     named: dict[str, str | int] = {}
     units: dict[str, str] = {}
     for one in seen:
-        role, unit = fields.get(f"role.{one.place}", ""), fields.get(f"unit.{one.place}", "")
+        role, unit = sent.text(f"role.{one.place}"), sent.text(f"unit.{one.place}")
         name = one.name or f"column {one.place}" if role == OWN else role
         if name:
             named[name] = one.place
         if unit and unit != one.unit:
             units[name or one.name] = unit
-    rate = fields.get("rate", "").replace(",", ".")
     return Reading.of(
         named,
         units,
-        number(rate) if rate else None,
-        fields.get("time_from") or None,
-        fields.get("rows") or None,
-        "drop" if fields.get("missing") else "refuse",
+        sent.number("rate") if sent.text("rate") else None,
+        sent.text("time_from") or None,
+        sent.text("rows") or None,
+        "drop" if sent.text("missing") else "refuse",
     )
-
-
-def number(text: str) -> float:
-    """A rate as it was typed; what is no number is refused as no rate."""
-    try:
-        return float(text)
-    except ValueError:
-        return float("nan")
-
-
-def _settled(request: Request, here: Service, fields: dict[str, str]) -> Response:
-    trace = fields.pop("trace", "")
-    row, content = here.store.trace(trace), here.store.trace_content(trace)
-    try:
-        name, content = settled(row.name, content, reading(fields, columns(row.name, content)))
-        bare = inspect(name, content).trace.conditions is None
-    except JshellError as error:
-        return page(request, here, trace, fields, error)
-    chosen = urlencode({"trace": here.store.add_trace(name, content).id})
-    return RedirectResponse(f"/traces/conditions?{chosen}" if bare else f"/fits/new?{chosen}", 303)

@@ -1,27 +1,21 @@
 """The page of a shell with its sliders; and that of a simulator's run."""
 
 import json
-from collections.abc import Callable
-from typing import Any
 from urllib.parse import urlencode
 
-import numpy as np
 from fastapi import APIRouter, Request, Response
-from fastapi.responses import HTMLResponse, JSONResponse, RedirectResponse
-from starlette.concurrency import run_in_threadpool
-from starlette.datastructures import ImmutableMultiDict
+from fastapi.responses import HTMLResponse, JSONResponse
 
 from jshell.errors import JshellError
 from jshell.oscillator import SOURCE
 from jshell.service import jobs, shape
 from jshell.service.api.simulate import answered, conditions
 from jshell.service.jobs import modes_specification, of_kind, simulator_specification
-from jshell.service.kinds import PLURAL
 from jshell.service.schemas import Conditions, ModesRequest, SimulateRequest
-from jshell.service.state import Here, Service
+from jshell.service.state import Here
 from jshell.service.web import drawing, series
-from jshell.service.web.fits import common
-from jshell.service.web.forms import FitForm, validated
+from jshell.service.web.fits import common, handed_in
+from jshell.service.web.forms import PageForm, Sent, validated
 from jshell.service.web.templates import shown
 
 router = APIRouter(include_in_schema=False, default_response_class=HTMLResponse)
@@ -37,15 +31,16 @@ CHANNELS = ("V", "S", "H", "W")
 
 
 @router.get("/simulate")
-def sliders(request: Request, here: Here) -> Response:
+def sliders(request: Request, here: Here, sent: Sent) -> Response:
     """A shell: the simulator's rest shape and modes, the short model beside."""
-    fields = dict(request.query_params)
+    fields = sent.fields
     asked, found, error = SimulateRequest(), None, None  # pyright: ignore[reportCallIssue]
     try:
-        asked = _asked(request.query_params)
+        asked = _asked(sent)
         found = answered(asked)
     except JshellError as wrong:
         error = wrong
+    slow, sphere = (None, None) if found is None else (found["omega_minus"], found["omega_sphere"])
     given = {
         "asked": asked,
         "found": found,
@@ -59,21 +54,21 @@ def sliders(request: Request, here: Here) -> Response:
         "constants": [(name, fields.get(name) or f"{float(getattr(SOURCE, name)):.5g}", "") for name in MASSES]
         + [("beta1", fields.get("beta1", ""), "as the simulator")],
         "query": urlencode({name: text for name, text in fields.items() if text}),
-        "drop": None if found is None else _ratio(found["omega_sphere"], found["omega_minus"]),
+        "drop": sphere / slow if slow and sphere else None,
     }
     return shown(request, "simulate.html", given, 200 if error is None else 422)
 
 
 @router.get("/simulate.svg")
-def drawn(request: Request) -> Response:
+def drawn(sent: Sent) -> Response:
     """The same curves for a browser without JavaScript."""
-    return Response(drawing.svg(series.of_answer(answered(_asked(request.query_params)))), media_type="image/svg+xml")
+    return Response(drawing.svg(series.of_answer(answered(_asked(sent)))), media_type="image/svg+xml")
 
 
 @router.get("/simulate/shape")
-def shaped(request: Request) -> Response:
+def shaped(sent: Sent) -> Response:
     """Rest shape and modes as numbers, while the sliders move; the short model's beside them."""
-    asked = _asked(request.query_params)
+    asked = _asked(sent)
     short = answered(asked)
     beside = {
         "omega": [short["omega_minus"], short["omega_plus"]],
@@ -84,47 +79,29 @@ def shaped(request: Request) -> Response:
 
 
 @router.get("/simulate/exact")
-def exactly(request: Request) -> Response:
+def exactly(sent: Sent) -> Response:
     """Its modes in the exact liquid, and whether it is round."""
-    return JSONResponse(shape.exact(conditions(_asked(request.query_params))))
+    return JSONResponse(shape.exact(conditions(_asked(sent))))
 
 
 @router.get("/simulate/shape.svg")
-def shape_drawn(request: Request) -> Response:
+def shape_drawn(sent: Sent) -> Response:
     """The shell for a browser without JavaScript."""
-    return Response(
-        drawing.shell(shape.found_of(conditions(_asked(request.query_params))).found), media_type="image/svg+xml"
-    )
+    return Response(drawing.shell(shape.found_of(conditions(_asked(sent))).found), media_type="image/svg+xml")
 
 
 @router.post("/simulations")
-async def run(request: Request, here: Here) -> Response:
+def run(here: Here, sent: Sent) -> Response:
     """Hand a run of the simulator in."""
-    return await _handed_in(request, here, "simulate", simulator_specification)
+    return handed_in(here, "simulate", simulator_specification(_asked(sent)), [])
 
 
 @router.post("/modes")
-async def find_modes(request: Request, here: Here) -> Response:
+def find_modes(here: Here, sent: Sent) -> Response:
     """Ask for the modes of the shell on the sliders, in the exact liquid."""
-
-    def specification(asked: SimulateRequest) -> dict[str, Any]:
-        shell = {name: getattr(asked, name) for name in Conditions.model_fields}
-        return modes_specification(ModesRequest(**shell))
-
-    return await _handed_in(request, here, "modes", specification)
-
-
-async def _handed_in(
-    request: Request, here: Service, kind: str, specification: Callable[[SimulateRequest], dict[str, Any]]
-) -> Response:
-    async with request.form() as sent:
-        fields = ImmutableMultiDict([(key, str(value)) for key, value in sent.multi_items()])
-
-    def handed_in() -> Response:
-        job = here.store.submit(kind, specification(_asked(fields)), []).job
-        return RedirectResponse(f"/{PLURAL[kind]}/{job.id}", 303)
-
-    return await run_in_threadpool(handed_in)
+    asked = _asked(sent)
+    shell = {name: getattr(asked, name) for name in Conditions.model_fields}
+    return handed_in(here, "modes", modes_specification(ModesRequest(**shell)), [])
 
 
 @router.get("/modes/{id}")
@@ -133,7 +110,7 @@ def modes(request: Request, here: Here, id: str) -> Response:
     job = of_kind(here.store, id, "modes")
     given = common(here, job) | {"asked": job.specification, "conditions": job.specification.get("conditions", {})}
     if job.state == "done":
-        given |= {"rows": jobs.modes_found(here.store, job.id)}
+        given |= {"rows": jobs.found_by(here.store, job)}
     return shown(request, "modes.html", given)
 
 
@@ -143,7 +120,7 @@ def simulation(request: Request, here: Here, id: str) -> Response:
     job = of_kind(here.store, id, "simulate")
     given = common(here, job) | {"conditions": job.specification.get("conditions", {})}
     if job.state == "done":
-        trace = jobs.simulated(here.store, job.id)
+        trace = jobs.trace_of(here.store, job.id)
         given |= {"plots": series.of_trace(trace, [one for one in CHANNELS if one in trace.channels])}
         given["film"] = "film.json" in here.store.result_names(job.id)
     return shown(request, "simulation.html", given)
@@ -152,41 +129,33 @@ def simulation(request: Request, here: Here, id: str) -> Response:
 @router.get("/simulations/{id}/film")
 def film(here: Here, id: str) -> Response:
     """Its shapes in time."""
-    return Response(_film(here, of_kind(here.store, id, "simulate").id), media_type="application/json")
+    found = here.store.result(of_kind(here.store, id, "simulate").id, "film.json")
+    return Response(found, media_type="application/json")
 
 
 @router.get("/simulations/{id}/film.svg")
 def film_drawn(here: Here, id: str) -> Response:
     """Some of them for a browser without JavaScript."""
-    found = json.loads(_film(here, of_kind(here.store, id, "simulate").id))
-    return Response(drawing.strip(found), media_type="image/svg+xml")
-
-
-def _film(here: Service, job: str) -> bytes:
-    return here.store.result(job, "film.json")
+    found = here.store.result(of_kind(here.store, id, "simulate").id, "film.json")
+    return Response(drawing.strip(json.loads(found)), media_type="image/svg+xml")
 
 
 @router.get("/simulations/{id}/trace.svg")
 def simulation_drawn(here: Here, id: str) -> Response:
     """Its motion for a browser without JavaScript."""
-    trace = jobs.simulated(here.store, of_kind(here.store, id, "simulate").id)
+    trace = jobs.trace_of(here.store, of_kind(here.store, id, "simulate").id)
     plots = series.of_trace(trace, [one for one in CHANNELS if one in trace.channels])
     return Response(drawing.svg(plots), media_type="image/svg+xml")
 
 
-def _asked(fields: Any) -> SimulateRequest:
+def _asked(form: PageForm) -> SimulateRequest:
     """The API's request, from the form's fields.
 
     Raises:
         BadValue: No number, or one outside its meaning.
     """
-    form = FitForm([], {name: str(fields[name]) for name in fields})
     names = [name for name in SimulateRequest.model_fields if name != "model" and form.text(name)]
     numbers = {name: form.number(name) for name in names}
     if "elements" in numbers:
         numbers["elements"] = int(numbers["elements"])
     return validated(SimulateRequest, numbers, "Move the slider.")
-
-
-def _ratio(above: float | None, below: float | None) -> float | None:
-    return None if above is None or not below or not np.isfinite(below) else above / below

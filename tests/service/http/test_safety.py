@@ -12,7 +12,8 @@ import pytest
 
 from jshell.errors import BadValue
 from jshell.service import safety
-from jshell.service.safety import attachment, check_open, clean_name, neutral, neutral_csv
+from jshell.service.encoding import neutral, neutral_csv
+from jshell.service.safety import attachment, check_open, clean_name
 from jshell.service.settings import Settings
 
 from .conftest import RECORDING, listening
