@@ -42,7 +42,9 @@ class RecordOptions:
     """What of the files is read."""
 
     meta: Annotated[Path | None, typer.Option(help="Conditions (JSON) for files without them.")] = None
-    channels: Annotated[str | None, typer.Option(help="H,W,V,S,x_front,x_back: those to use.")] = None
+    channels: Annotated[
+        str | None, typer.Option(help="H,W,V,S,x_front,x_back, or p_scattered (an echo): those to use.")
+    ] = None
     start: Annotated[float | None, typer.Option(help="Where the ring-down begins [s, or time unit].")] = None
     stop: Annotated[float | None, typer.Option(help="Where it ends [s, or time unit].")] = None
     free_rest: Annotated[bool, typer.Option(help="The values where channels rest are no data.")] = False

@@ -6,7 +6,8 @@ by the implicit function theorem, the pad's by nodes that stretch along with it.
 
 Symbols    s = -1/τ + iΩ rate [1/time]   φ change of a channel along a mode   θ* angle of an extremum [rad]
 Valid for  small vibrations; liquid `second`: η̂ < 0.03, `exact`: any
-Source     `jshell.membrane.equilibrium` for the rest shape, `jshell.dynamics.roots` for the rates
+Source     `jshell.membrane.equilibrium` for the rest shape, `jshell.dynamics.roots` for the rates; scattered pressure
+           ρ V̈/(4π r) of a source, beside which a dipole's falls with r², as in `jshell.oscillator.drive`
 """
 
 from collections.abc import Callable
@@ -31,7 +32,8 @@ from jshell.shell.parameters import Reduced
 FIELDS = (
     "thickness", "gas_pressure", "outer_pressure", "viscosity", "kappa", "poisson_ratio", "pad", "weak_spot",
 )  # fmt: skip
-CHANNELS = ("H", "W", "V", "S", "x_front", "x_back")
+ECHO = "p_scattered"  # far away, times distance
+CHANNELS = ("H", "W", "V", "S", "x_front", "x_back", ECHO)
 MODES = 4
 DIRECTIONS = 4  # tangents that one call carries
 NOMINAL_PAD = 0.3  # [rad]; a mesh with a pad is made for this size and stretched to the one asked for
@@ -146,7 +148,7 @@ def _response(
 def _in_liquid(shape: Meridian, rest: RestShape, conditions: Reduced, liquid: str) -> ModalResponse:
     found = roots(matrices(rest, conditions, liquid), conditions.viscosity, MODES)
     v = jnp.zeros((MODES, shape.sphere.shape[0]), complex).at[:, shape.active].set(found.vectors)
-    values, along = _channels(shape, rest.coordinates, v)
+    values, along = _channels(shape, rest.coordinates, v, found.s)
     lost = ~(found.residual < RESIDUAL)
     outcome = jnp.where(rest.outcome != Outcome.OK, rest.outcome, jnp.where(lost, Outcome.NOT_CONVERGED, Outcome.OK))
     return ModalResponse(found.s, along, values, jax.lax.stop_gradient(outcome).astype(float))
@@ -167,7 +169,10 @@ def _at_rest(shape: Meridian, conditions: Reduced, profile, near: Standing) -> R
 
 
 def _channels(
-    shape: Meridian, q: Float[Array, "coordinates"], v: Complex[Array, "modes coordinates"]
+    shape: Meridian,
+    q: Float[Array, "coordinates"],
+    v: Complex[Array, "modes coordinates"],
+    s: Complex[Array, "modes"],
 ) -> tuple[Float[Array, "channels"], Complex[Array, "modes channels"]]:
     """Every channel at rest, and its change along each mode."""
     (qx, qr), vx, vr = shape.split(q), v[:, : shape.x_size], v[:, shape.x_size :]
@@ -177,8 +182,9 @@ def _channels(
     wide = _highest(ParitySplines(shape.nodes, "odd", shape.edge), shape.r_nodes, qr)
     V, dV = jax.value_and_grad(lambda q: volume(shape, q))(q)
     S, dS = jax.value_and_grad(lambda q: area(shape, q))(q)
-    values = jnp.stack([(top - back) @ qx, 2 * wide @ qr, V, S, front @ qx, back @ qx])
-    along = [vx @ (top - back), 2 * vr @ wide, v @ dV, v @ dS, vx @ front, vx @ back]
+    values = jnp.stack([(top - back) @ qx, 2 * wide @ qr, V, S, front @ qx, back @ qx, jnp.zeros(())])
+    heard = s**2 * (v @ dV) / (4 * jnp.pi)
+    along = [vx @ (top - back), 2 * vr @ wide, v @ dV, v @ dS, vx @ front, vx @ back, heard]
     return values, jnp.stack(along, axis=1)
 
 
