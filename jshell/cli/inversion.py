@@ -71,18 +71,29 @@ class SimulatorOptions:
     ] = None
 
 
+@dataclass(frozen=True)
+class AnswerOptions:
+    """What else is said of the answer."""
+
+    profile: Annotated[bool, typer.Option(help="Asymmetric 95% intervals by profile likelihood.")] = False
+    next: Annotated[
+        bool, typer.Option(help="What one more recording would tell: channels, pressures, rate, length.")
+    ] = False
+
+
 @speaking
 @takes_reading
 @with_options(UnknownOptions, "asked")
 @with_options(RecordOptions, "records")
 @with_options(SimulatorOptions, "simulator")
+@with_options(AnswerOptions, "answer")
 def invert(
     files: Annotated[list[Path], typer.Argument(help="Ring-downs of one shell (text, .xlsx, .json, .nc, .mat, …).")],
     asked: UnknownOptions,
     records: RecordOptions,
     simulator: SimulatorOptions,
+    answer: AnswerOptions,
     reading: Any = None,
-    profile: Annotated[bool, typer.Option(help="Asymmetric 95% intervals by profile likelihood.")] = False,
     plot: Picture = None,
     as_json: Json = False,
 ) -> None:
@@ -104,17 +115,16 @@ def invert(
         free_rest=records.free_rest, nuisance=asked.nuisance, exact=simulator.exact, level=how, channels=channels,
         **mesh,
     )  # fmt: skip
-    profiles = found.profile() if profile else None
+    more = {"profile": found.profile()} if answer.profile else {}
+    more |= {"next": found.next_recording()} if answer.next else {}
     if plot is not None:
         axes = jshell.plot.inversion(found)
         jshell.plot.save(np.ravel(np.asarray(axes))[0].figure, plot)
         log(f"wrote {plot}")
     if as_json:
-        say(found.record() | ({} if profiles is None else {"profile": profiles.record()}))
+        say(found.record() | {name: one.record() for name, one in more.items()})
     else:
-        typer.echo(found.report())
-        if profiles is not None:
-            typer.echo(profiles.report())
+        typer.echo("\n".join([found.report(), *(one.report() for one in more.values())]))
     sound = not any(text.startswith("misfit") for text in found.warnings)
     finish(found.outcome, sound=sound, advice=found.advice)
 

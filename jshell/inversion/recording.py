@@ -132,12 +132,7 @@ def channels_of(
             f"trace {number}", found="channels " + ", ".join(trace.channels), expected="one of " + ", ".join(CHANNELS),
             remedy="Name the columns by what they are, in the terminal by --columns H=A.",
         )  # fmt: skip
-    if ECHO in listed and len(listed) > 1:
-        raise BadValue(
-            f"channels of trace {number}", found=", ".join(listed), expected=f"{ECHO} alone, or without it",
-            remedy="How loud an echo is beside what is seen depends on hydrophone and distance: give it as a trace of "
-            "its own, js.invert([seen, heard], …).",
-        )  # fmt: skip
+    together(f"channels of trace {number}", listed)
     time, length = _units(trace, si)
     times = np.asarray(trace.times, dtype=float) * time
     pressure = float(trace.scales.pressure) if trace.scales is not None and si else 1.0
@@ -148,6 +143,20 @@ def channels_of(
             f"trace {number}", found="samples that are no numbers", expected="numbers", remedy="Cut them out."
         )
     return listed, times, values, factor
+
+
+def together(place: str, channels: Sequence[str]) -> None:
+    """Refuse channels that are of no one recording.
+
+    Raises:
+        BadValue: An echo beside what is seen.
+    """
+    if ECHO in channels and len(channels) > 1:
+        raise BadValue(
+            place, found=", ".join(channels), expected=f"{ECHO} alone, or without it",
+            remedy="How loud an echo is beside what is seen depends on hydrophone and distance: give it as a trace of "
+            "its own, js.invert([seen, heard], …).",
+        )  # fmt: skip
 
 
 def _units(trace: Trace, si: bool) -> tuple[float, float]:
