@@ -43,7 +43,7 @@ class RecordOptions:
 
     meta: Annotated[Path | None, typer.Option(help="Conditions (JSON) for files without them.")] = None
     channels: Annotated[
-        str | None, typer.Option(help="H,W,V,S,x_front,x_back, or p_scattered (an echo): those to use.")
+        str | None, typer.Option(help="H,W,V,S,x_front,x_back,W_25,W_50,W_75, or p_scattered (an echo): those to use.")
     ] = None
     start: Annotated[float | None, typer.Option(help="Where the ring-down begins [s, or time unit].")] = None
     stop: Annotated[float | None, typer.Option(help="Where it ends [s, or time unit].")] = None

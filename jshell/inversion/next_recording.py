@@ -17,7 +17,7 @@ from jshell.errors import Outcome, choose
 from jshell.inversion.model import Model, Weighing
 from jshell.inversion.projection import Modal, project
 from jshell.inversion.recording import together
-from jshell.inversion.response import CHANNELS, ECHO
+from jshell.inversion.response import ACROSS, CHANNELS, ECHO
 from jshell.inversion.search import SearchResult
 
 RECORD = ("channels", "samples", "length")  # of a candidate, beside numbers of the shell
@@ -112,7 +112,7 @@ def usual(model: Model, u: np.ndarray) -> list[dict[str, Any]]:
     count, pressure = first.times.size, model.space.known[0].get("outer_pressure")
     found: list[dict[str, Any]] = [{}, {"samples": 2 * count}, {"samples": 2 * count, "length": 2.0}]
     held = float(model.seen(0, u)[0].numbers[6]) > 0  # where nothing holds a shell its poles have no origin
-    found += [{"channels": name} for name in ("H", "W", "V", "S", *(["x_front"] if held else []), ECHO)]
+    found += [{"channels": name} for name in ("H", "W", tuple(ACROSS), "V", "S", *(["x_front"] if held else []), ECHO)]
     return found + ([] if pressure is None else [{"outer_pressure": share * pressure} for share in PRESSURES])
 
 

@@ -13,12 +13,12 @@ from typing import NamedTuple
 import numpy as np
 
 from jshell.errors import BadName, BadValue, Outcome, UnusableData
-from jshell.inversion.response import CHANNELS, ECHO
+from jshell.inversion.response import ACROSS, CHANNELS, ECHO
 from jshell.signals import dip, extract
 from jshell.trace import Trace
 
 # of length in each channel; an echo's size is the hydrophone's and its distance's, and tells nothing
-POWER = {"H": 1, "W": 1, "V": 3, "S": 2, "x_front": 1, "x_back": 1, ECHO: 0}
+POWER = {"H": 1, "W": 1, "V": 3, "S": 2, "x_front": 1, "x_back": 1, ECHO: 0} | dict.fromkeys(ACROSS, 1)
 SNAP = 3.0  # a record that starts further off its rest than this many swings of its ring-down holds a snap
 SETTLING = 0.5  # periods after the dip that a ring-down begins
 FEWEST = 32

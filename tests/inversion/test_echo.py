@@ -29,6 +29,7 @@ def known(gas=1.0, outer=1.7):
     return KNOWN | {"gas_pressure": gas * AGENT.pressure, "outer_pressure": outer * AGENT.pressure}
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("no_compilation")
 def test_modulus_and_viscosity_come_out_of_an_echo_of_any_loudness(make_recording, tmp_path):
     ask = {"unknown": ("youngs_modulus", "viscosity"), "exact": False, "nuisance": False}
