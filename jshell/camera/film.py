@@ -21,6 +21,7 @@ from jshell.camera.frames import open_film
 from jshell.camera.hull import axis_of, extent
 from jshell.camera.outline import SATURATED, Outline, find_outline
 from jshell.camera.revolution import Revolved, revolved
+from jshell.camera.widths import SHARES, widths
 from jshell.errors import BadValue, UnusableData
 from jshell.io.columns import SECONDS
 from jshell.trace import Trace, Values
@@ -46,6 +47,8 @@ class View:
         lens: The distortion that a picture of a grid showed.
         section: Whether the film shows a section along the axis, dimple and all, as a light sheet does: volume, area
             and poles of the outline turned about the axis are measured as well.
+        widths: Measure the width at a quarter, half and three quarters of the height, too, from the end that the axis
+            leads away from; a shell's is the end that does not buckle.
     """
 
     rate: float | int | None = None
@@ -55,6 +58,7 @@ class View:
     holder: tuple[int, int, int, int] | None = None
     lens: Lens | None = None
     section: bool = False
+    widths: bool = False
 
 
 @dataclass(frozen=True)
@@ -63,7 +67,8 @@ class Filmed:
 
     Attributes:
         trace: Height and width, with their errors: `H`, `W` in SI where the size of a pixel is known, else `height`
-            and `width` in pixels. Of a section also `V`, `S` (`volume`, `area`) and the poles `upper` and `lower`.
+            and `width` in pixels. With widths also `W_25`, `W_50`, `W_75` (`width_25`, …). Of a section also `V`, `S`
+            (`volume`, `area`) and the poles `upper` and `lower`.
         outlines: Of every frame, None where it shows no shell.
         axis: Direction of the axis that was used [degrees].
         warnings: What spoils the film, in words.
@@ -112,7 +117,7 @@ def measure(film: Film | str | Path, view: View, progress: Callable[[float], Non
             remedy="Say whether it is dark or bright; mask the holder.",
         )
     angle, told = _axis([outlines[k] for k in seen], view)
-    sizes = np.array([_sizes(outlines[k], angle) for k in seen])
+    sizes = np.array([_sizes(outlines[k], angle, view.widths) for k in seen])
     bodies = [revolved(outlines[k], angle) for k in seen] if view.section else []
     if any(body is None for body in bodies):
         kept = [i for i, body in enumerate(bodies) if body is not None]
@@ -200,9 +205,9 @@ def _axis(outlines: list[Outline], view: View) -> tuple[float, list[str]]:
     return given, []
 
 
-def _sizes(outline: Outline, angle: float) -> tuple[float, float, float, float]:
-    along, across = extent(outline, angle), extent(outline, angle + np.pi / 2)
-    return along.value, along.sigma, across.value, across.sigma
+def _sizes(outline: Outline, angle: float, more: bool) -> list[float]:
+    found = [extent(outline, angle), extent(outline, angle + np.pi / 2), *(widths(outline, angle) if more else ())]
+    return [number for one in found for number in (one.value, one.sigma)]
 
 
 def _warnings(film: Film, outlines: list[Outline | None], burnt: int) -> list[str]:
@@ -220,16 +225,18 @@ def _warnings(film: Film, outlines: list[Outline | None], burnt: int) -> list[st
 
 # Names in SI and in pixels, and the power of a length that each is.
 SIZES = (("H", "height", 1), ("W", "width", 1))
+ACROSS = tuple((f"W_{round(100 * share)}", f"width_{round(100 * share)}", 1) for share in SHARES)
 BODY = (("V", "volume", 3), ("S", "area", 2), ("upper", "upper", 1), ("lower", "lower", 1))
 
 
-def _trace(times: np.ndarray, sizes: Float[np.ndarray, "frames 4"], bodies: list[Revolved], view: View) -> Trace:
-    columns = [(sizes[:, 2 * k], sizes[:, 2 * k + 1]) for k in range(2)]
+def _trace(times: np.ndarray, sizes: Float[np.ndarray, "frames numbers"], bodies: list[Revolved], view: View) -> Trace:
+    columns = [(sizes[:, k], sizes[:, k + 1]) for k in range(0, sizes.shape[1], 2)]
     columns += [tuple(np.array([[one[k].value, one[k].sigma] for one in bodies]).T) for k in range(4) if bodies]
+    names = SIZES + (ACROSS if view.widths else ()) + (BODY if bodies else ())
     channels: dict[str, Values] = {}
     sigma: dict[str, Values] = {}
     units = []
-    for (name, pixels, power), (value, error) in zip(SIZES + BODY, columns, strict=False):
+    for (name, pixels, power), (value, error) in zip(names, columns, strict=True):
         name, factor = (pixels, 1.0) if view.pixel is None else (name, float(view.pixel) ** power)
         channels[name], sigma[name] = factor * value, factor * error
         # units of their own are only said of what a file's head does not know

@@ -37,6 +37,9 @@ class ViewOptions:
     section: Annotated[
         bool, typer.Option("--section", help="The film shows a section along the axis: volume, area, poles as well.")
     ] = False
+    widths: Annotated[
+        bool, typer.Option("--widths", help="Measure the width at a quarter, half, three quarters of the height, too.")
+    ] = False
 
 
 @dataclass(frozen=True)
@@ -80,7 +83,8 @@ def film(
     drawable(overlay, "--overlay")
     camera = jshell.camera
     lens = None if view.grid is None else camera.lens_from_grid(view.grid)
-    seen = camera.View(view.rate, pixel, not view.bright, _angle(view.axis), _box(view.holder), lens, view.section)
+    where = _angle(view.axis), _box(view.holder)
+    seen = camera.View(view.rate, pixel, not view.bright, *where, lens, view.section, view.widths)
     with told(shown=not as_json) as progress:
         found = camera.measure(path, seen, progress)
     for text in found.warnings:

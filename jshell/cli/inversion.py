@@ -46,7 +46,9 @@ class RecordOptions:
     """What of the files is read."""
 
     meta: Annotated[Path | None, typer.Option(help="Conditions (JSON) for files without them.")] = None
-    channels: Annotated[str | None, typer.Option(help="H,W,V,S,x_front,x_back: those to use.")] = None
+    channels: Annotated[
+        str | None, typer.Option(help="H,W,V,S,x_front,x_back,W_25,W_50,W_75, or p_scattered (an echo): those to use.")
+    ] = None
     start: Annotated[float | None, typer.Option(help="Where the ring-down begins [s, or time unit].")] = None
     stop: Annotated[float | None, typer.Option(help="Where it ends [s, or time unit].")] = None
     free_rest: Annotated[bool, typer.Option(help="The values where channels rest are no data.")] = False
@@ -73,18 +75,29 @@ class SimulatorOptions:
     ] = None
 
 
+@dataclass(frozen=True)
+class AnswerOptions:
+    """What else is said of the answer."""
+
+    profile: Annotated[bool, typer.Option(help="Asymmetric 95% intervals by profile likelihood.")] = False
+    next: Annotated[
+        bool, typer.Option(help="What one more recording would tell: channels, pressures, rate, length.")
+    ] = False
+
+
 @speaking
 @takes_reading
 @with_options(UnknownOptions, "asked")
 @with_options(RecordOptions, "records")
 @with_options(SimulatorOptions, "simulator")
+@with_options(AnswerOptions, "answer")
 def invert(
     files: Annotated[list[Path], typer.Argument(help="Ring-downs of one shell (text, .xlsx, .json, .nc, .mat, …).")],
     asked: UnknownOptions,
     records: RecordOptions,
     simulator: SimulatorOptions,
+    answer: AnswerOptions,
     reading: Any = None,
-    profile: Annotated[bool, typer.Option(help="Asymmetric 95% intervals by profile likelihood.")] = False,
     plot: Picture = None,
     as_json: Json = False,
 ) -> None:
@@ -106,17 +119,16 @@ def invert(
         free_rest=records.free_rest, nuisance=asked.nuisance, exact=simulator.exact, level=how, channels=channels,
         **mesh,
     )  # fmt: skip
-    profiles = found.profile() if profile else None
+    more = {"profile": found.profile()} if answer.profile else {}
+    more |= {"next": found.next_recording()} if answer.next else {}
     if plot is not None:
         axes = jshell.plot.inversion(found)
         jshell.plot.save(np.ravel(np.asarray(axes))[0].figure, plot)
         log(f"wrote {plot}")
     if as_json:
-        say(found.record() | ({} if profiles is None else {"profile": profiles.record()}))
+        say(found.record() | {name: one.record() for name, one in more.items()})
     else:
-        typer.echo(found.report())
-        if profiles is not None:
-            typer.echo(profiles.report())
+        typer.echo("\n".join([found.report(), *(one.report() for one in more.values())]))
     sound = not any(text.startswith("misfit") for text in found.warnings)
     finish(found.outcome, sound=sound, advice=found.advice)
 

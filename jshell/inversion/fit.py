@@ -67,7 +67,9 @@ def invert(
             thickness, gas_pressure, outer_pressure, viscosity; in both kappa, poisson_ratio, pad (half-angle of the
             holder, 0 is a free shell), weak_spot (relative loss of thickness at the buckling pole).
         local: Unknowns that every recording has for itself, such as outer_pressure.
-        channels: Of H, W, V, S, x_front, x_back; by default the first four that are recorded.
+        channels: Of H, W, V, S, x_front, x_back, and W_25, W_50, W_75, the outline's widths at these percents of its
+            height; by default the first four that are recorded. Or p_scattered alone, the echo: its distance and
+            calibration need not be known, and it has no rest value.
         start, stop: Window [s, or time unit]; by default from half a slow period after the dip of a snap.
         begin: Values to begin at before those that the recordings themselves suggest.
         free_rest: The values where channels rest are no data: of a camera whose scale or zero is not known.

@@ -12,6 +12,7 @@ from jshell.calibration.noise import MISFIT, Noise, examine, remembered, steps_b
 from jshell.inversion.model import Model, Weighing
 from jshell.inversion.projection import Projection
 from jshell.inversion.recording import Recording
+from jshell.inversion.response import ECHO
 
 SMALLEST = 1e-7  # of a channel's scatter: numbers of a file are not finer
 LONGEST = 0.5  # of a slow period: what remembers longer is no noise
@@ -23,7 +24,8 @@ def first_weighing(one: Recording, modes: tuple[int, ...], free_rest: bool) -> W
     """White noise of the size that a recording shows itself."""
     scatter = one.values.std(axis=1)
     sigma = one.sigma if one.sigma is not None else np.maximum(one.noise, SMALLEST * scatter)
-    return Weighing(modes, sigma, np.zeros(one.values.shape), free_rest=free_rest)
+    # a hydrophone's zero is nobody's data
+    return Weighing(modes, sigma, np.zeros(one.values.shape), free_rest=free_rest or ECHO in one.channels)
 
 
 def examined(model: Model, projections: Sequence[Projection], weighings: Sequence[Weighing]) -> list[list[Noise]]:

@@ -13,11 +13,12 @@ from typing import NamedTuple
 import numpy as np
 
 from jshell.errors import BadName, BadValue, Outcome, UnusableData
-from jshell.inversion.response import CHANNELS
+from jshell.inversion.response import ACROSS, CHANNELS, ECHO
 from jshell.signals import dip, extract
 from jshell.trace import Trace
 
-POWER = {"H": 1, "W": 1, "V": 3, "S": 2, "x_front": 1, "x_back": 1}  # of length in each channel
+# of length in each channel; an echo's size is the hydrophone's and its distance's, and tells nothing
+POWER = {"H": 1, "W": 1, "V": 3, "S": 2, "x_front": 1, "x_back": 1, ECHO: 0} | dict.fromkeys(ACROSS, 1)
 SNAP = 3.0  # a record that starts further off its rest than this many swings of its ring-down holds a snap
 SETTLING = 0.5  # periods after the dip that a ring-down begins
 FEWEST = 32
@@ -31,7 +32,7 @@ class Recording:
         number: From 1.
         channels: Their names.
         times: (times,) inside the window [s, or time unit].
-        values: (channels, times) [m, m², m³, or by powers of R0].
+        values: (channels, times) [m, m², m³, Pa, or without units].
         sigma: (channels,) known standard errors, or None.
         noise: (channels,) the noise that it shows itself.
         level: (channels,) where it settles.
@@ -112,10 +113,11 @@ def channels_of(
 
     Raises:
         BadName: A channel that the simulator has not, or none.
-        BadValue: Samples that are no numbers.
+        BadValue: Samples that are no numbers, or an echo beside what is seen.
     """
     # the opposite pole does not move where a pad holds it, and is a matter of the camera's origin where none does
-    listed = tuple(channels or (name for name in CHANNELS[:4] if name in trace.channels))
+    listed = tuple(channels or [name for name in CHANNELS[:4] if name in trace.channels])
+    listed = listed or tuple(name for name in (ECHO,) if name in trace.channels)
     for name in listed:
         if name not in CHANNELS or name not in trace.channels:
             there = [one for one in CHANNELS if one in trace.channels]
@@ -130,15 +132,31 @@ def channels_of(
             f"trace {number}", found="channels " + ", ".join(trace.channels), expected="one of " + ", ".join(CHANNELS),
             remedy="Name the columns by what they are, in the terminal by --columns H=A.",
         )  # fmt: skip
+    together(f"channels of trace {number}", listed)
     time, length = _units(trace, si)
     times = np.asarray(trace.times, dtype=float) * time
-    factor = np.array([length ** POWER[name] for name in listed])
+    pressure = float(trace.scales.pressure) if trace.scales is not None and si else 1.0
+    factor = np.array([pressure if name == ECHO else length ** POWER[name] for name in listed])
     values = np.stack([np.asarray(trace[name], dtype=float) for name in listed]) * factor[:, None]
     if not np.all(np.isfinite(values)):
         raise BadValue(
             f"trace {number}", found="samples that are no numbers", expected="numbers", remedy="Cut them out."
         )
     return listed, times, values, factor
+
+
+def together(place: str, channels: Sequence[str]) -> None:
+    """Refuse channels that are of no one recording.
+
+    Raises:
+        BadValue: An echo beside what is seen.
+    """
+    if ECHO in channels and len(channels) > 1:
+        raise BadValue(
+            place, found=", ".join(channels), expected=f"{ECHO} alone, or without it",
+            remedy="How loud an echo is beside what is seen depends on hydrophone and distance: give it as a trace of "
+            "its own, js.invert([seen, heard], …).",
+        )  # fmt: skip
 
 
 def _units(trace: Trace, si: bool) -> tuple[float, float]:
@@ -205,6 +223,11 @@ def _ring_down(trace: Trace, names: Sequence[str]) -> float | None:
     """
     times, values = np.asarray(trace.times), np.asarray(trace[names[0]])
     pitch = _pitch(times, values)
+    if ECHO in names:  # a snap is the loudest
+        loudest = float(times[np.argmax(np.abs(values - np.median(values)))])
+        after = loudest + 2 * np.pi * SETTLING / pitch
+        silent = loudest - times[0] > 2 * np.pi * SETTLING / pitch
+        return after if silent and np.sum(times > after) >= FEWEST else None
     scaled = Trace(times * pitch, {name: np.asarray(trace[name]) for name in names})
     at = dip(scaled, names) / pitch
     settled = float(np.mean(values[-max(1, values.size // 5) :]))

@@ -6,7 +6,8 @@ by the implicit function theorem, the pad's by nodes that stretch along with it.
 
 Symbols    s = -1/τ + iΩ rate [1/time]   φ change of a channel along a mode   θ* angle of an extremum [rad]
 Valid for  small vibrations; liquid `second`: η̂ < 0.03, `exact`: any
-Source     `jshell.membrane.equilibrium` for the rest shape, `jshell.dynamics.roots` for the rates
+Source     `jshell.membrane.equilibrium` for the rest shape, `jshell.dynamics.roots` for the rates; scattered pressure
+           ρ V̈/(4π r) of a source, beside which a dipole's falls with r², as in `jshell.oscillator.drive`
 """
 
 from collections.abc import Callable
@@ -31,15 +32,18 @@ from jshell.shell.parameters import Reduced
 FIELDS = (
     "thickness", "gas_pressure", "outer_pressure", "viscosity", "kappa", "poisson_ratio", "pad", "weak_spot",
 )  # fmt: skip
-CHANNELS = ("H", "W", "V", "S", "x_front", "x_back")
+ECHO = "p_scattered"  # far away, times distance
+ACROSS = {"W_25": 0.25, "W_50": 0.5, "W_75": 0.75}  # widths, and the shares of the height that they are taken at
+CHANNELS = ("H", "W", "V", "S", "x_front", "x_back", ECHO, *ACROSS)
 MODES = 4
+SEARCHED = "second"  # the liquid of a search; benchmarks put its first order there
 DIRECTIONS = 4  # tangents that one call carries
 NOMINAL_PAD = 0.3  # [rad]; a mesh with a pad is made for this size and stretched to the one asked for
 BESIDE = 4  # elements more on each side of a pad's edge
 SHARP, BLUNT = 2.0, 1.5  # ratio of neighbours there; of the two meshes that tell the limit
 SPOT_WIDTH = 0.35  # [rad]
 QUICKLY = {"xla_backend_optimization_level": 1}  # runs as fast, compiles sooner
-AT_EXTREMUM = 4  # Newton steps to an extremum of a spline
+AT_EXTREMUM, AT_HEIGHT = 4, 6  # Newton steps to an extremum of a spline, to where it has a value
 
 
 class ModalResponse(NamedTuple):
@@ -115,7 +119,7 @@ def response_program(elements: int, held: bool) -> Callable[..., tuple[ModalResp
     base = mesh(elements, held)
 
     def response(numbers, tangents, near):
-        at = lambda x: _response(x, near, base, ("second",))[0]  # noqa: E731
+        at = lambda x: _response(x, near, base, (SEARCHED,))[0]  # noqa: E731
         push = lambda direction: jax.jvp(at, (numbers,), (direction,))  # noqa: E731
         return jax.vmap(push, out_axes=(None, 0))(tangents)
 
@@ -146,7 +150,7 @@ def _response(
 def _in_liquid(shape: Meridian, rest: RestShape, conditions: Reduced, liquid: str) -> ModalResponse:
     found = roots(matrices(rest, conditions, liquid), conditions.viscosity, MODES)
     v = jnp.zeros((MODES, shape.sphere.shape[0]), complex).at[:, shape.active].set(found.vectors)
-    values, along = _channels(shape, rest.coordinates, v)
+    values, along = _channels(shape, rest.coordinates, v, found.s)
     lost = ~(found.residual < RESIDUAL)
     outcome = jnp.where(rest.outcome != Outcome.OK, rest.outcome, jnp.where(lost, Outcome.NOT_CONVERGED, Outcome.OK))
     return ModalResponse(found.s, along, values, jax.lax.stop_gradient(outcome).astype(float))
@@ -167,7 +171,10 @@ def _at_rest(shape: Meridian, conditions: Reduced, profile, near: Standing) -> R
 
 
 def _channels(
-    shape: Meridian, q: Float[Array, "coordinates"], v: Complex[Array, "modes coordinates"]
+    shape: Meridian,
+    q: Float[Array, "coordinates"],
+    v: Complex[Array, "modes coordinates"],
+    s: Complex[Array, "modes"],
 ) -> tuple[Float[Array, "channels"], Complex[Array, "modes channels"]]:
     """Every channel at rest, and its change along each mode."""
     (qx, qr), vx, vr = shape.split(q), v[:, : shape.x_size], v[:, shape.x_size :]
@@ -177,9 +184,45 @@ def _channels(
     wide = _highest(ParitySplines(shape.nodes, "odd", shape.edge), shape.r_nodes, qr)
     V, dV = jax.value_and_grad(lambda q: volume(shape, q))(q)
     S, dS = jax.value_and_grad(lambda q: area(shape, q))(q)
-    values = jnp.stack([(top - back) @ qx, 2 * wide @ qr, V, S, front @ qx, back @ qx])
-    along = [vx @ (top - back), 2 * vr @ wide, v @ dV, v @ dS, vx @ front, vx @ back]
-    return values, jnp.stack(along, axis=1)
+    widths, across = _across(shape, q, v, top, back)
+    values = jnp.stack([(top - back) @ qx, 2 * wide @ qr, V, S, front @ qx, back @ qx, jnp.zeros(())])
+    heard = s**2 * (v @ dV) / (4 * jnp.pi)
+    along = [vx @ (top - back), 2 * vr @ wide, v @ dV, v @ dS, vx @ front, vx @ back, heard]
+    return jnp.concatenate([values, widths]), jnp.concatenate([jnp.stack(along, axis=1), across], axis=1)
+
+
+def _across(
+    shape: Meridian, q: Float[Array, "coordinates"], v: Complex[Array, "modes coordinates"], top, back
+) -> tuple[Float[Array, "widths"], Complex[Array, "modes widths"]]:
+    """Widths across the axis at shares of the height, as a camera sees them from aside, and their changes.
+
+    Args:
+        shape, q, v: The shell, its rest shape, its modes.
+        top, back: (x_size,) values of all basis functions at the two ends of the height.
+    """
+    (qx, qr), vx, vr = shape.split(q), v[:, : shape.x_size], v[:, shape.x_size :]
+    even, odd = (ParitySplines(shape.nodes, parity, shape.edge) for parity in ("even", "odd"))
+    share = jnp.array(list(ACROSS.values()))[:, None]
+    at = (1 - share) * back[None] + share * top[None]
+    fixed, nodes = jax.lax.stop_gradient(qx), jax.lax.stop_gradient(shape.nodes)
+    height = jax.lax.stop_gradient(at) @ fixed
+    # from the outermost node that lies above: what a dimple hides lies before it
+    above = (shape.x_nodes @ fixed)[None] >= height[:, None]
+    k = jnp.minimum(nodes.size - 1 - jnp.argmax(above[:, ::-1], axis=1), nodes.size - 2)
+    low, high = nodes[k], nodes[k + 1]
+    still = ParitySplines(nodes, "even", shape.edge)
+
+    def step(_, theta):
+        slope = still(theta, 1) @ fixed
+        return jnp.clip(theta - (still(theta) @ fixed - height) / jnp.where(slope < 0, slope, -1.0), low, high)
+
+    theta = jax.lax.fori_loop(0, AT_HEIGHT, step, (low + high) / 2)
+    # the step carries the derivative of the place
+    slope = jax.lax.stop_gradient(still(theta, 1) @ fixed)
+    theta = theta - (even(theta) @ qx - at @ qx) / jnp.where(slope < 0, slope, -1.0)
+    lean = (odd(theta, 1) @ qr) / (even(theta, 1) @ qx)
+    changes = vr @ odd(theta).T - (vx @ (even(theta) - at).T) * lean[None]
+    return 2 * odd(theta) @ qr, 2 * changes
 
 
 def _highest(splines: ParitySplines, at_nodes, coefficients: Float[Array, "size"]) -> Float[Array, "size"]:

@@ -5,7 +5,7 @@ Symbols    J = ∂r/∂u at the minimum, amplitudes following   s² reduced χ²
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import scipy.special
@@ -28,7 +28,7 @@ from jshell.inversion.unknowns import plain
 from jshell.inversion.words import ADVICE, open_direction
 
 if TYPE_CHECKING:
-    from jshell.inversion.next_recording import Prospect
+    from jshell.inversion.next_recording import Prospects
     from jshell.inversion.posterior import SimulatorPosterior
     from jshell.inversion.profile import Profile
 
@@ -169,16 +169,18 @@ class Inversion(Fit):
         factors = [self[n].value if log else 1.0 for n, log in zip(self.varied, self.logarithmic, strict=True)]
         return self.covariance / np.outer(factors, factors)
 
-    def next_recording(self, candidates: Sequence[Mapping[str, float | int]]) -> "tuple[Prospect, ...]":
+    def next_recording(self, candidates: Sequence[Mapping[str, Any]] | None = None) -> "Prospects":
         """How well the unknowns would be known with one more recording, of each of several kinds.
 
         Args:
             candidates: Each the numbers that are otherwise than in the first recording, such as `outer_pressure`;
-                also `samples`, their number, and `length`, in lengths of the first.
+                also `channels`, a name or several, `samples`, their number, and `length`, in lengths of the first.
+                None takes the usual ones: channels alone, three outer pressures, twice the rate, twice the length.
 
         Raises:
             NotOk: The inversion is not ok.
-            BadName: No such number, or one that is unknown.
+            BadName: No such number or channel, or a number that is unknown.
+            BadValue: An echo beside what is seen.
         """
         from jshell.inversion.next_recording import next_recording
 

@@ -19,9 +19,10 @@ import numpy as np
 from jshell import engines
 from jshell.calibration.noise import MISFIT, Noise
 from jshell.calibration.versions import versions
-from jshell.errors import Outcome, UnusableData, WorkerLost
+from jshell.errors import Outcome, UnusableData, WorkerLost, choose
 from jshell.inversion.kept import Kept
 from jshell.inversion.model import Weighing
+from jshell.inversion.motion import PLACES
 from jshell.inversion.noise import SMALLEST, examined, first_weighing, reweighed
 from jshell.inversion.recording import FEWEST, Recording, after_snap, channels_of, recording
 from jshell.inversion.result import Inversion, Settled, drawn_up
@@ -114,6 +115,9 @@ def _whole(trace: Trace, number: int, question: Question) -> tuple[Recording, fl
     """A record as it is fitted: all of it, with what its ring-down shows of itself; and when that begins."""
     low, high = question.window
     listed, times, values, _ = channels_of(trace, number, question.channels, question.si)
+    for name in listed:
+        remedy = 'An echo is inverted from its ring-down, by level="modal".'
+        choose(f"trace {number}", name, PLACES, noun="channel of a simulation", remedy=remedy)
     inside = (times >= (-np.inf if low is None else low)) & (times <= (np.inf if high is None else high))
     if inside.sum() < FEWEST:
         raise UnusableData(

@@ -7,9 +7,22 @@ import numpy as np
 from jshell.inversion import Inversion
 from jshell.plot.style import BLUE, CHANNEL, ONE, Axes, new_figure, style
 from jshell.plot.traces import compare
-from jshell.quantities import QUANTITIES
+from jshell.quantities import POWERS, QUANTITIES, UNITS, laboratory_unit
 
-SI_LENGTHS = {"length": (1e3, "mm"), "area": (1e6, "mm²"), "volume": (1e9, "mm³")}
+
+def shown_in(name: str, values: np.ndarray, si: bool) -> tuple[float, str]:
+    """The factor and the unit that a laboratory reads a channel, or the times `t`, in.
+
+    Args:
+        name: Of the registry.
+        values: In SI, or without units.
+        si: Which of them.
+    """
+    row = QUANTITIES[name]
+    if not si:
+        return 1.0, row.scale
+    unit = laboratory_unit(row.dimension, float(np.abs(values).max()))
+    return 1 / UNITS[unit][1], unit.translate(POWERS)
 
 
 def inversion(result: Inversion, axes: Axes | Sequence[Axes] | np.ndarray | None = None) -> np.ndarray:
@@ -36,11 +49,18 @@ def inversion(result: Inversion, axes: Axes | Sequence[Axes] | np.ndarray | None
         grid = np.atleast_1d(np.asarray(axes, dtype=object)).ravel()
         for ax, (k, name) in zip(grid, pairs, strict=False):
             one, row = recordings[k], QUANTITIES[name]
-            factor, unit = SI_LENGTHS[row.dimension] if one.si else (1.0, row.scale)
-            data = factor * one.values[one.channels.index(name)]
-            times = one.times * (1e3 if one.si else 1.0)
+            values = one.values[one.channels.index(name)]
+            factor, unit = shown_in(name, values, one.si)
+            second, clock = shown_in("t", one.times, one.si)
             names = (row.symbol, "simulator")
-            compare(ax, times, data, factor * curves[k][name], color=CHANNEL.get(name, BLUE), names=names)
-            ax.set_xlabel("t [ms]" if one.si else "t")
+            compare(
+                ax,
+                second * one.times,
+                factor * values,
+                factor * curves[k][name],
+                color=CHANNEL.get(name, BLUE),
+                names=names,
+            )
+            ax.set_xlabel(f"t [{clock}]" if one.si else "t")
             ax.set_ylabel(f"{row.symbol} [{unit}]")
     return grid.reshape(len(curves), across) if grid.size == len(curves) * across else grid

@@ -271,7 +271,8 @@ class Client(Asking):
             unknown: What is asked: names, or names with None, bounds (low, high), a `Prior` or an `Unknown`.
             known: What is known, over the traces' headers.
             seconds: Longest time to wait.
-            **options: `local`, `channels`, `start`, `stop`, `free_rest`, `nuisance`, `exact`, `elements`.
+            **options: `local`, `channels`, `start`, `stop`, `free_rest`, `nuisance`, `exact`, `elements`,
+                `level`; of that `trace` also `ramp` and `origin`.
 
         Returns:
             What `jshell.inversion.Inversion.record` says.

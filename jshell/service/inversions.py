@@ -9,13 +9,14 @@ from jshell import io
 from jshell.calibration import Prior
 from jshell.calibration.options import check_names
 from jshell.files import NamedBytes
-from jshell.inversion import Inversion, Unknown
+from jshell.inversion import Inversion, Snap, Unknown
 from jshell.inversion import invert as invert_traces
 from jshell.service.archives import Content
 from jshell.service.encoding import as_csv, as_json
 
 HOW = ("channels", "start", "stop", "free_rest", "nuisance", "exact", "elements")  # as `jshell.invert` calls them
-OPTIONS = ("known", "unknown", "bounds", "priors", "local", *HOW)
+SNAP = ("ramp", "origin", "elements")  # as `jshell.inversion.Snap` does
+OPTIONS = ("known", "unknown", "bounds", "priors", "local", "level", *HOW, *SNAP)
 HEAD = ("name", "value", "stderr", "low", "high", "unit", "role", "reason")
 
 
@@ -32,7 +33,10 @@ def invert(specification: Mapping[str, Any], files: Sequence[tuple[str, Content]
     """
     check_names(specification, OPTIONS)
     given = [NamedBytes(*file) for file in files]
-    how = {name: specification[name] for name in HOW if specification.get(name) is not None}
+    picked = lambda names: {name: specification[name] for name in names if specification.get(name) is not None}  # noqa: E731
+    how = picked(HOW)
+    if specification.get("level") == "trace":
+        how["level"] = Snap(**picked(SNAP))
     found = invert_traces(
         [io.read_trace(file) for file in given], specification.get("known"), unknowns(specification),
         local=tuple(specification.get("local") or ()), **how,

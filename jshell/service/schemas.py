@@ -249,7 +249,14 @@ class InvertRequest(Wire):
         None, strict=True, description="Seek pad and weak spot too, from priors; null: where there are SI units."
     )
     exact: bool = Field(True, strict=True, description="Correct the answer to the exact liquid.")
-    elements: Whole = Field(20, ge=12, le=40, description="Elements of the meridian.")
+    elements: Whole = Field(20, ge=12, le=40, description="Elements of the meridian; of a trace 24 where 20 stands.")
+    level: Literal["modal", "trace"] = Field(
+        "modal", description="modal: ring-downs; trace: records through the snap, simulated whole, some minutes."
+    )
+    ramp: Number | None = Field(
+        None, ge=0, description="trace: time of the pressure's rise [s, or time unit], 0 at once; null: the file's."
+    )
+    origin: Number = Field(0.0, description="trace: when the pressure begins to rise [s, or time unit].")
 
     @model_validator(mode="after")
     def _asks(self) -> "InvertRequest":

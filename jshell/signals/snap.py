@@ -31,7 +31,8 @@ def dip(trace: Trace, names: Sequence[str] = ()) -> float:
     lowest = int(np.argmin(values))
     if times.size < 3:
         return float(times[lowest])
-    width = max(1, round(SMOOTHING / float(np.median(np.diff(times)))))
+    # of a microshell's record in seconds a time unit is a million times the whole
+    width = max(1, min(times.size, round(SMOOTHING / float(np.median(np.diff(times))))))
     slope = np.gradient(_smoothed(values, width), times)
     fastest = int(np.argmax(-slope if on_volume else np.abs(slope)))
     turned = np.flatnonzero(slope[fastest:] * np.sign(slope[fastest]) <= 0)

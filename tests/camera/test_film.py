@@ -134,6 +134,19 @@ def test_over_two_hundred_frames_the_errors_are_right_to_a_tenth(tmp_path):
         assert 0.9 < np.std(off / found.trace.sigma[name]) < 1.1
 
 
+def test_widths_at_heights_are_those_of_the_ellipse_with_errors_that_are_right(film):
+    path, sizes = film
+    found = measure(path, View(rate=1000, widths=True))
+    for share, name in ((0.25, "width_25"), (0.5, "width_50"), (0.75, "width_75")):
+        off = found.trace[name] - sizes[:, 1] * 2 * np.sqrt(share * (1 - share))
+        error = found.trace.sigma[name]
+        assert abs(off.mean()) < 0.02 + 3 * error.mean() / np.sqrt(off.size), name  # blur draws a round edge inward
+        # of n independent frames the scatter of errors is right to 1/sqrt(2n)
+        assert abs(np.std(off / error) - 1) < 3 / np.sqrt(2 * off.size), name
+    scaled = measure(path, View(rate=1000, pixel=1e-4, widths=True)).trace
+    np.testing.assert_allclose(scaled["W_75"], 1e-4 * found.trace["width_75"])
+
+
 def test_a_section_gives_volume_area_and_poles(film, tmp_path):
     path, sizes = film
     found = measure(path, View(rate=1000, section=True))

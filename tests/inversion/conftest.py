@@ -8,7 +8,7 @@ import pytest
 
 import jshell as js
 from jshell.inversion import model
-from jshell.inversion.response import ModalResponse, Standing
+from jshell.inversion.response import CHANNELS, ModalResponse, Standing
 from jshell.inversion.starts import table
 from jshell.shell import Liquid, Reduced, Shell, scales
 
@@ -16,17 +16,19 @@ STEP = 1e-5
 
 
 def stand_in(numbers: np.ndarray) -> ModalResponse:
-    """Three modes of H, W, V, S and both poles, of shells (shells, fields) side by side."""
+    """Three modes of H, W, V, S, both poles, the echo and three widths, of shells (shells, fields) side by side."""
     d, gas, outer, viscosity, kappa, nu, pad, spot = (part[:, None] for part in numbers.T)
     there = table(bool(pad[0, 0] > 0))
     log_omega, log_rate, rest, _ = there(there.place(*(numbers[:, k] for k in (0, 1, 2, 3, 6))))
     stiff = (kappa / 1.4) ** 0.2 * (nu / 0.5) ** 0.1 * (1 - 0.3 * spot)
     rates = (-np.exp(log_rate) + 1j * np.exp(log_omega)) * stiff
-    k, c = np.arange(1, 4)[:, None], np.arange(1, 7)
+    k, c = np.arange(1, 4)[:, None], np.arange(1, 11)
     d, gas, outer, viscosity, pad = (part[:, :, None] for part in (d, gas, outer, viscosity, pad))
     shapes = np.cos(k * c + d * k + 0.2 * gas * c) + 0.1j * np.sin(c + 5 * np.sqrt(viscosity) + outer * k + pad)
-    poles = np.broadcast_to([-0.2, -1.0], (len(numbers), 2))
-    values = np.concatenate([rest * (1 - 0.02 * spot), poles], axis=1)
+    shapes[..., 6] = rates**2 * shapes[..., 2] / (4 * np.pi)
+    poles_and_silence = np.broadcast_to([-0.2, -1.0, 0.0], (len(numbers), 3))
+    across = rest[:, 1:2] * np.array([0.8, 1.0, 0.9]) * (1 - 0.02 * spot)
+    values = np.concatenate([rest * (1 - 0.02 * spot), poles_and_silence, across], axis=1)
     return ModalResponse(rates, shapes, values, np.zeros((len(numbers), 3)))
 
 
@@ -64,7 +66,7 @@ def make_recording():
         found = ModalResponse(
             *(p[0] for p in stand_in(np.array([[thickness, gas, outer, viscosity, 1.4, 0.5, pad, 0.0]])))
         )
-        pick = ["HWVS".index(name) for name in channels]
+        pick = [CHANNELS.index(name) for name in channels]
         generator = np.random.default_rng(seed)
         times = np.linspace(0, periods * 2 * np.pi / found.rates[0].imag, 300)
         amplitudes = np.array(size) * np.exp(2j * np.pi * generator.uniform(size=3))

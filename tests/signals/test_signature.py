@@ -1,5 +1,7 @@
 """What is heard is what was put in, and what cannot be heard is said."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from scipy.optimize import curve_fit
@@ -79,6 +81,16 @@ def test_the_default_window_opens_five_units_after_the_dip():
 def test_a_record_that_only_rings_holds_no_snap():
     assert ring_down_start(Trace(TIMES, {"V": 2.9 + 0.1 * ring(TIMES, SLOW, FAST)})) is None
     assert ring_down_start(Trace(TIMES, {"V": snapped(TIMES, 8.0)})) == pytest.approx(13.0, abs=0.2)
+
+
+def test_a_microshells_record_in_seconds_costs_no_more_than_its_samples():
+    volume, start = 2.9 + 0.1 * ring(TIMES, SLOW), 0.0
+    tracemalloc.start()
+    heard = extract(Trace(1e-8 * TIMES, {"V": volume}), start=start)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert heard.omega_minus == pytest.approx(1e8 * extract(Trace(TIMES, {"V": volume}), start=start).omega_minus)
+    assert peak < 20e6  # a running mean over a time unit would be one over 1e9 samples
 
 
 def test_without_volume_all_measured_channels_are_heard_together():

@@ -12,7 +12,7 @@ from jshell.errors import BadValue, JshellError, NotFound
 from jshell.inversion.recording import header
 from jshell.inversion.response import CHANNELS
 from jshell.inversion.unknowns import PLAIN, SI
-from jshell.plot.inversions import SI_LENGTHS
+from jshell.plot.inversions import shown_in
 from jshell.quantities import QUANTITIES
 from jshell.service import jobs
 from jshell.service.jobs import of_kind, specification
@@ -41,6 +41,7 @@ WORDS = {
     "poisson_ratio": "Poisson's ratio ν",
 }
 WAYS = ("free_rest", "exact")  # what is ticked or not
+TIMES = ("start", "stop", "ramp", "origin")
 MARK = "asks"  # a field that says that the form was filled in, so that what is not ticked means no
 
 
@@ -111,7 +112,9 @@ def _asked(form: PageForm) -> InvertRequest:
         )  # fmt: skip
     if form.channels:
         asked["channels"] = form.channels
-    for name in ("start", "stop"):
+    if form.text("level"):
+        asked["level"] = form.text("level")
+    for name in TIMES:
         if form.text(name):
             asked[name] = form.number(name)
     if form.text("nuisance"):
@@ -133,7 +136,8 @@ def _again(job: JobRow) -> list[tuple[str, str]]:
         pairs += [(f"value.{name}", f"{prior['mean']:.10g}"), (f"error.{name}", f"{prior['sigma']:.10g}")]
     for name, ends in (asked.get("bounds") or {}).items():
         pairs += [(f"{end}.{name}", f"{x:.10g}") for end, x in zip(("low", "high"), ends, strict=True) if x is not None]
-    pairs += [(name, f"{asked[name]:.10g}") for name in ("start", "stop") if asked.get(name) is not None]
+    pairs += [(name, f"{asked[name]:.10g}") for name in TIMES if asked.get(name) is not None]
+    pairs += [("level", asked["level"])] if "level" in asked else []
     if asked.get("nuisance") is not None:
         pairs.append(("nuisance", "yes" if asked["nuisance"] else "no"))
     pairs += [(name, "on") for name, usual in zip(WAYS, (False, True), strict=True) if asked.get(name, usual)]
@@ -170,12 +174,13 @@ def _plots(here: Service, job: JobRow) -> list[Plot]:
         return []
     plots = []
     for one in told:
-        times = np.asarray(one["t"], dtype=float) * (1e3 if one["si"] else 1.0)
+        times = np.asarray(one["t"], dtype=float)
+        second, clock = shown_in("t", times, one["si"])
         for channel, both in one["channels"].items():
             row = QUANTITIES[channel]
-            factor, unit = SI_LENGTHS[row.dimension] if one["si"] else (1.0, row.scale)
-            rows = thinned(times, *(factor * np.asarray(both[name], dtype=float) for name in ("data", "curve")))
+            factor, unit = shown_in(channel, np.asarray(both["data"], dtype=float), one["si"])
+            columns = (factor * np.asarray(both[name], dtype=float) for name in ("data", "curve"))
             of = f"{one['name']}: " if len(told) > 1 else ""
-            labels = "t [ms]" if one["si"] else "t", f"{row.symbol} [{unit}]"
-            plots.append(compared("simulator", of, labels, channel, rows))
+            labels = f"t [{clock}]" if one["si"] else "t", f"{row.symbol} [{unit}]"
+            plots.append(compared("simulator", of, labels, channel, thinned(second * times, *columns)))
     return plots

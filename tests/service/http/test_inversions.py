@@ -99,6 +99,19 @@ def test_what_is_left_open_is_said_on_the_page(own, make_recording):  # noqa: F8
     assert "would separate them" in page
 
 
+@pytest.mark.usefixtures("no_compilation")
+def test_an_echo_is_asked_about_and_drawn_in_a_laboratorys_units(own, make_recording):  # noqa: F811
+    http, store = own
+    trace = uploaded(http, make_recording(channels=("p_scattered",)))
+    sent = http.post("/inversions", data=FIELDS | {"trace": trace, "role.gas_pressure": "free"})
+    assert sent.status_code == 303, sent.text
+    address = sent.headers["location"]
+    done(store, address.rpartition("/")[2])
+    page = http.get(address).text
+    assert "p_s [kPa]" in page
+    assert "t [s]" in page
+
+
 def test_the_form_asks_what_the_api_asks(own, make_recording):  # noqa: F811
     http, store = own
     trace = uploaded(http, make_recording())
@@ -124,6 +137,23 @@ def test_the_form_asks_what_the_api_asks(own, make_recording):  # noqa: F811
     assert 'value="0.003"' in http.get(f"/inversions/new?{again}").text
     sent = http.post("/inversions", data=parse_qs(again))
     assert store.job(sent.headers["location"].rpartition("/")[2]).specification == job.specification
+
+
+def test_a_record_through_the_snap_is_simulated_whole(own, make_recording, monkeypatch):  # noqa: F811
+    http, store = own
+    seen: dict = {}
+    monkeypatch.setattr("jshell.service.inversions.invert_traces", lambda *given, **options: seen.update(options))
+    trace = uploaded(http, make_recording())
+    sent = http.post("/inversions", data=FIELDS | {"trace": trace, "level": "trace", "ramp": "0.05", "exact": "on"})
+    job = store.job(sent.headers["location"].rpartition("/")[2])
+    asked = {"unknown": ASKED["unknown"], "nuisance": False, "level": "trace", "ramp": 0.05}
+    assert job.specification == asked
+    assert tasks.run(job.kind, job.specification, store.files(job.traces)).fault  # the stand-in's answer is none
+    assert seen["level"] == jshell.inversion.Snap(ramp=0.05)
+    store.cancel(job.id)
+    again = http.get(f"/inversions/{job.id}").text.split('href="/inversions/new?')[-1].partition('"')[0]
+    assert "level=trace" in again
+    assert "ramp=0.05" in again
 
 
 @pytest.mark.parametrize(
