@@ -7,6 +7,7 @@ Source     Dask: Client.get_executor; distributed.scheduler.allowed-failures
 """
 
 import concurrent.futures
+import contextlib
 from collections.abc import Callable
 from concurrent.futures import CancelledError, Executor, Future
 from functools import partial
@@ -42,6 +43,7 @@ class Cluster(Executor):
                 remedy="Start it with `dask scheduler` and `dask worker`, or use inline or processes.",
             ) from None
         self._lost: type[Exception] = distributed.KilledWorker
+        self._closed: type[Exception] = distributed.client.ClosedClientError
         self._client.run_on_scheduler(_no_second_tries)
         self._inner = self._client.get_executor(pure=False, retries=0)
         self._open: set[Future] = set()
@@ -67,7 +69,8 @@ class Cluster(Executor):
                 future.cancel()
         if wait:
             concurrent.futures.wait(list(self._open))
-        self._inner.shutdown(wait=wait)
+        with contextlib.suppress(self._closed):  # it has given its scheduler up: nothing is left to call off
+            self._inner.shutdown(wait=wait)
         self._client.close()
 
     def __exit__(self, kind, fault, traceback) -> None:

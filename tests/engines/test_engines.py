@@ -184,3 +184,14 @@ def test_dead_worker_of_a_cluster_costs_its_own_task_and_is_not_tried_again():
                 engine.submit(operator.truediv, 1, 0).result(timeout=PATIENCE)
         # leaving the engine leaves the cluster running
         assert cluster.scheduler_info["workers"]
+
+
+@pytest.mark.long
+def test_a_cluster_that_has_lost_its_scheduler_for_good_is_left_in_peace():
+    distributed = pytest.importorskip("distributed", reason="no Dask: pip install distributed")
+    with distributed.LocalCluster(n_workers=0, processes=True, host="127.0.0.1", dashboard_address=":0") as cluster:
+        engine = engines.open(cluster.scheduler_address)
+        waiting = engine.submit(pow, 2, 3)
+        engine._client.sync(engine._client._close)  # what it does by itself once it has given up its scheduler
+        engine.shutdown(wait=False, cancel_futures=True)
+        assert waiting.cancelled() or isinstance(waiting.exception(timeout=PATIENCE), WorkerLost)
