@@ -35,7 +35,9 @@ def widths(outline: Outline, angle: float) -> list[Extent]:
         at = q[cut] - away[cut] * (q[cut + 1] - q[cut]) / (p[cut + 1] - p[cut])
         sides = [_edge(p, q, int(cut[k]), outline.blur) for k in (np.argmin(at), np.argmax(at))]
         inward = sum(back for _, back in sides)
-        found.append(Extent(float(np.ptp(at)) + inward, outline.sigma * float(np.hypot(*(1 / n for n, _ in sides)))))
+        found.append(
+            Extent(float(np.ptp(at)) + inward, outline.sigma * float(np.hypot(1 / sides[0][0], 1 / sides[1][0])))
+        )
     return found
 
 

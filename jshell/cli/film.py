@@ -83,8 +83,9 @@ def film(
     drawable(overlay, "--overlay")
     camera = jshell.camera
     lens = None if view.grid is None else camera.lens_from_grid(view.grid)
-    where = _angle(view.axis), _box(view.holder)
-    seen = camera.View(view.rate, pixel, not view.bright, *where, lens, view.section, view.widths)
+    seen = camera.View(
+        view.rate, pixel, not view.bright, _angle(view.axis), _box(view.holder), lens, view.section, view.widths
+    )
     with told(shown=not as_json) as progress:
         found = camera.measure(path, seen, progress)
     for text in found.warnings:

@@ -222,7 +222,7 @@ def _across(
     theta = theta - (even(theta) @ qx - at @ qx) / jnp.where(slope < 0, slope, -1.0)
     lean = (odd(theta, 1) @ qr) / (even(theta, 1) @ qx)
     changes = vr @ odd(theta).T - (vx @ (even(theta) - at).T) * lean[None]
-    return 2 * odd(theta) @ qr, 2 * changes
+    return jnp.asarray(2 * odd(theta) @ qr), jnp.asarray(2 * changes)
 
 
 def _highest(splines: ParitySplines, at_nodes, coefficients: Float[Array, "size"]) -> Float[Array, "size"]:
