@@ -8,7 +8,7 @@ import pytest
 
 from jshell.calibration import FitWarning, fit_trajectories
 from jshell.calibration.misfit import DRIFTS, drift_share
-from jshell.calibration.noise import estimate_memory, examine, lag_one, remembered, runs, steps_between, whiten
+from jshell.calibration.noise import Noise, estimate_memory, examine, lag_one, remembered, runs, steps_between, whiten
 from jshell.oscillator import random_shell, random_trace, simulate
 from jshell.trace import Trace
 
@@ -35,6 +35,12 @@ def test_white_noise_passes():
     # lag-1 and runs are standard normal in white noise: 200 of them have mean 0 ± 0.07, deviation 1 ± 0.05
     assert abs(np.mean([runs(autocorrelated(0.0, seed)) for seed in range(200)])) < 0.25
     assert np.std([lag_one(autocorrelated(0.0, seed))[1] for seed in range(200)]) == pytest.approx(1, abs=0.2)
+
+
+@pytest.mark.parametrize(("effective", "worth"), [(22.4, "22 samples' worth"), (0.2, "worth less than one sample")])
+def test_a_report_says_what_samples_are_worth(effective, worth):
+    told = Noise("W [1]", 124, 0.93, 10.4, -9.9, 0.998, effective, 1.0, 1.0).words()
+    assert told.endswith(f"autocorrelated, φ = 0.998: {worth}")
 
 
 def test_memory_is_estimated_without_the_bias_of_a_residual():
