@@ -146,7 +146,7 @@ def _routes(kind: str, out: type[JobOut]) -> None:
         f"/{plural}/{{id:key}}",
         response_model=out,
         responses=problem_responses(404),
-        summary=f"Look at a {words}",
+        summary=f"Show one {words}",
         tags=tags,
     )
     def one(here: Here, id: Name) -> dict[str, Any]:
@@ -158,7 +158,7 @@ def _routes(kind: str, out: type[JobOut]) -> None:
         f"/{plural}/{{id:key}}",
         response_model=JobOut,
         responses=problem_responses(404),
-        summary=f"Cancel a {words}",
+        summary=f"Cancel one {words}",
         tags=tags,
     )
     def cancel(here: Here, id: Name) -> dict[str, Any]:
