@@ -108,7 +108,7 @@ def _variables(source: str, raw: memoryview) -> Iterator[tuple[str, np.ndarray]]
                 data = packed.decompress(element.data, LIMIT - total + 1)
                 total += len(data)
                 check_size(source, total)
-                element = next(_elements(memoryview(data), order))
+                element = _next(_elements(memoryview(data), order))
             if element.kind != MATRIX:
                 raise ValueError(f"an element of type {element.kind} where a variable should stand")
             yield from _found(source, element.data, order, "", 0)
@@ -134,28 +134,35 @@ def _elements(data: memoryview, order: str) -> Iterator[_Element]:
         at = end
 
 
+def _next(parts: Iterator[_Element]) -> _Element:
+    """What follows; `next` would end the generator around it, which Python calls a fault of the program."""
+    for part in parts:
+        return part
+    raise ValueError("nothing where an element should stand")
+
+
 def _found(source: str, data: memoryview, order: str, prefix: str, depth: int) -> Iterator[tuple[str, np.ndarray]]:
     """The columns and words of one variable, or of the fields of a structure."""
     parts = _elements(data, order)
-    flags = int(np.frombuffer(next(parts).data, order + "u4", 2)[0])
-    shape = [int(size) for size in np.frombuffer(next(parts).data, order + "i4")]
-    name = prefix or bytes(next(parts).data).decode("ascii")
+    flags = int(np.frombuffer(_next(parts).data, order + "u4", 2)[0])
+    shape = [int(size) for size in np.frombuffer(_next(parts).data, order + "i4")]
+    name = prefix or bytes(_next(parts).data).decode("ascii")
     if not name:  # MATLAB keeps what belongs to functions under no name
         return
     if prefix:
-        next(parts)  # a field's own name is empty
+        _next(parts)  # a field's own name is empty
     if min(shape, default=-1) < 0:
         raise ValueError(f"the shape {tuple(shape)}")
     kind = _CLASSES.get(flags & 0xFF, "O")
     kind = "b" if flags & LOGICAL else "c" if flags & COMPLEX else kind
     if flags & 0xFF == STRUCTURE and shape == [1, 1] and depth < DEEPEST:
-        width = int(np.frombuffer(next(parts).data, order + "i4", 1)[0])
-        names = bytes(next(parts).data)
+        width = int(np.frombuffer(_next(parts).data, order + "i4", 1)[0])
+        names = bytes(_next(parts).data)
         if width < 1 or len(names) > width * MOST_FIELDS:
             raise ValueError(f"names of {width} letters in the structure `{name}`")
         for at in range(0, len(names), width):
             field = names[at : at + width].partition(b"\0")[0].decode("ascii")
-            inside = next(parts)
+            inside = _next(parts)
             if inside.data:
                 yield from _found(source, inside.data, order, f"{name}.{field}", depth + 1)
         return

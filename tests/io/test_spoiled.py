@@ -151,6 +151,19 @@ def test_a_compressed_file_is_refused_before_all_of_it_is_unpacked(tmp_path, mon
         read_trace(tmp_path / "a.mat")
 
 
+@pytest.mark.parametrize(
+    "element",
+    [(15, zlib.compress(b"")), (14, b""), (14, np.array([6, 8, 6, 0], "<u4").tobytes())],
+    ids=["compressed nothing", "a variable of nothing", "a variable that ends after its flags"],
+)
+def test_a_mat_file_that_ends_where_an_element_should_stand_is_refused(tmp_path, element):
+    kind, data = element
+    head = b"MATLAB 5.0 MAT-file".ljust(124) + b"\0\1IM"
+    (tmp_path / "a.mat").write_bytes(head + np.array([kind, len(data)], "<u4").tobytes() + data)
+    with pytest.raises(BadFile, match="nothing where an element should stand"):
+        read_trace(tmp_path / "a.mat")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", FORMATS)
 def test_twenty_thousand_spoiled_files_are_read_or_refused(seeds, tmp_path, name):
