@@ -76,9 +76,9 @@ def bifurcation(
             "period": found.period,
             "volume_over_V0": np.asarray(found.volume).T / jshell.shell.SPHERE_VOLUME,
         }
-        kinds = {"omega": "angular frequency", "first_ended": "pressure"}
-        units = problem.si({"omega": angular_frequency, "first_ended": first}, kinds)
-        say({"omega": angular_frequency, "lanes": rows, "first_ended": first, **units, "decay": decay.record(),
+        kinds = {"pulsation": "angular frequency", "first_ended": "pressure"}
+        units = problem.si({"pulsation": angular_frequency, "first_ended": first}, kinds)
+        say({"pulsation": angular_frequency, "lanes": rows, "first_ended": first, **units, "decay": decay.record(),
              "plot": None if plot is None else str(plot), "conditions": problem.record()})  # fmt: skip
     else:
         words = {0: "does not repeat within 8 periods", 1: "repeats every period"}

@@ -24,7 +24,7 @@ FORCINGS = ("tone", "pulse", "burst", "step", "ramp")
 HARMONICS = 3  # multiples of the drive that the answer is sampled for
 USUAL_SPACING = 0.05  # of the samples [time unit]
 SAMPLES_PER_LIMIT = 2  # finer than the limit that its fastest motion sets by this
-DIMENSIONS = {"omega": "angular frequency", "pole_speed_max": "speed", "ended_at": "time"}  # of what is said
+DIMENSIONS = {"pulsation": "angular frequency", "pole_speed_max": "speed", "ended_at": "time"}  # of what is said
 DRAGS = ("viscous", "equal_decay", "reynolds", "none")
 
 
@@ -173,8 +173,8 @@ def _tell(
     steps = {"accepted": int(found.accepted), "rejected": int(found.rejected)}
     if as_json:
         files = {"out": None if out is None else str(out), "plot": None if plot is None else str(plot)}
-        say({"outcome": outcome, **numbers, "decay": decay.record(), "omega": omega, "harmonics": levels,
-             "steps": steps, **problem.si(numbers | {"omega": omega}, DIMENSIONS), **files,
+        say({"outcome": outcome, **numbers, "decay": decay.record(), "pulsation": omega, "harmonics": levels,
+             "steps": steps, **problem.si(numbers | {"pulsation": omega}, DIMENSIONS), **files,
              "conditions": problem.record()})  # fmt: skip
     else:
         rows: list[tuple[str, Any, str | None]] = [("driven at ω", omega, "angular frequency")]

@@ -58,7 +58,7 @@ def export(
         "stiffening": law.stiffening,
     }
     if as_json:
-        say({"outcome": Outcome.OK, **numbers, "along": along, "out": str(path), "omega": omega * time})
+        say({"outcome": Outcome.OK, **numbers, "along": along, "out": str(path), "pulsation": omega * time})
     else:
         typer.echo(table(list(numbers.items()), ("law of the buckled shell", "value")))
     finish(Outcome.OK)

@@ -40,6 +40,7 @@ def test_a_pulse_is_driven_drawn_and_exported(tmp_path):
     assert told["V_min_over_V0"] < told["V_rest_over_V0"] < told["V_max_over_V0"]
     assert told["energy_imbalance"] < 1e-6
     assert told["steps"]["accepted"] > 0
+    assert told["pulsation"] == 0.8  # a key of JSON outlives the name of its option
     assert png.stat().st_size > 10_000
     held = loadmat(mat)
     assert held["V"].size == 101
