@@ -154,7 +154,7 @@ class Database:
         def set_up(connection: sqlite3.Connection, _) -> None:
             connection.isolation_level = None  # transactions begin where the listener below says
             for pragma in (*SET_UP, f"wal_autocheckpoint = {LONGEST // PAGE}"):
-                connection.execute(f"PRAGMA {pragma}").close()
+                _set(connection, pragma)
 
         @event.listens_for(engine, "begin")
         def begin(connection: sa.Connection) -> None:
@@ -242,6 +242,18 @@ _ADVICE = (
     ("unable to open", "Make the folder writable for this user, or name another file."),
     ("locked", "Another program holds it: end that program, then try again."),
 )
+
+
+def _set(connection: sqlite3.Connection, pragma: str) -> None:
+    """One setting, waited for: of two that begin a write-ahead log at once, SQLite refuses one without waiting."""
+    until = time.monotonic() + PATIENCE
+    while True:
+        try:
+            return connection.execute(f"PRAGMA {pragma}").close()
+        except sqlite3.OperationalError as error:
+            if "locked" not in str(error) or time.monotonic() > until:
+                raise
+            time.sleep(0.01)
 
 
 def _tables_and_state(path: Path, mode: str) -> tuple[set[str], str]:

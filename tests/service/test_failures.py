@@ -9,6 +9,7 @@ import sqlite3
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -106,6 +107,22 @@ def test_a_locked_database_is_refused_in_words_and_recovers(local, monkeypatch):
             store.submit("simulate", {}, [])
         assert not store.healthy()
         other.execute("ROLLBACK")
+    assert store.submit("simulate", {}, []).created
+    store.close()
+
+
+def test_a_new_file_that_another_server_is_making_is_waited_for(tmp_path):
+    """SQLite waits for no writer where a write-ahead log begins: of two servers that began at once it refused one."""
+    path = tmp_path / "jobs.db"
+    with contextlib.closing(sqlite3.connect(path, isolation_level=None, check_same_thread=False)) as other:
+        for step in ("CREATE TABLE migrations (number INTEGER, name TEXT, applied FLOAT)", "BEGIN IMMEDIATE"):
+            other.execute(step)
+        timer = threading.Timer(0.3, other.execute, ("ROLLBACK",))
+        timer.start()
+        try:
+            store = Store.open(f"sqlite:///{path}")
+        finally:
+            timer.join()
     assert store.submit("simulate", {}, []).created
     store.close()
 
