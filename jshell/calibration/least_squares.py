@@ -10,7 +10,7 @@ Source     Nielsen 1999, "Damping parameter in Marquardt's method", for λ;
 """
 
 from collections.abc import Callable
-from typing import Any, TypedDict, Unpack
+from typing import Any, NamedTuple, TypedDict, Unpack
 
 import equinox as eqx
 import jax
@@ -72,6 +72,107 @@ def _with_defaults(max_steps=100, xtol=1e-10, ftol=1e-12, damping: Any = 1e-3, b
     return max_steps, xtol, ftol, damping, bend, condensed
 
 
+class _Descent(NamedTuple):
+    """Where a search stands: what it has accepted, R and Qᵀr there; where it looks next, what that promises, and how it
+    would end there if it did."""
+
+    u: Any
+    cost: Any
+    R: Any
+    q: Any
+    scale: Any
+    damping: Any
+    growth: Any
+    count: Any
+    status: Any
+    trial: Any
+    promised: Any
+    usable: Any
+    verdict: Any
+
+
+def _triangle(both: Float[Array, "rows columns"], free: int) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """From rows of [J, r]: cost, and J = QR as R and Qᵀr: orthogonal steps keep the digits that JᵀJ loses."""
+    cost = both[:, -1] @ both[:, -1]
+    usable = jnp.isfinite(cost) & jnp.all(jnp.isfinite(both))
+    both = jnp.where(usable, both, 0.0)
+    pad = jnp.zeros((max(0, free + 1 - both.shape[0]), free + 1))
+    R = jnp.linalg.qr(jnp.concatenate([both, pad]), mode="r")
+    return jnp.where(usable, cost, jnp.inf), R[:free, :free], R[:free, free]
+
+
+def _begun(start: Float[Array, " free"], damping: Any) -> _Descent:
+    """The residual stands once in the program: the start is the first trial, and is always taken."""
+    zero, inf, none = jnp.asarray(0), jnp.asarray(jnp.inf), jnp.zeros(start.size)
+    return _Descent(
+        start, inf, jnp.zeros((start.size, start.size)), none, none, jnp.asarray(damping, float), jnp.asarray(2.0),
+        zero - 1, zero + RUNNING, start, -inf, jnp.asarray(True), zero + RUNNING,
+    )  # fmt: skip
+
+
+def _judged(search: _Descent, seen: tuple, low, high, xtol, ftol, pulled: Callable | None = None) -> _Descent:
+    """Judge the trial by what was seen there, then draw up the next one from where that leaves us."""
+    u, cost, R, q, scale, damping, growth, count, _, trial, promised, usable, verdict = search
+    new_cost, new_R, new_q = seen
+    first = count < 0
+    better = first | ((new_cost < cost) & usable)
+    gain = (cost - new_cost) / jnp.where(promised > 0, promised, jnp.inf)
+    eased = damping * jnp.maximum(1 / 3, 1 - (2 * gain - 1) ** 3)
+    pick = lambda new, old: jnp.where(better, new, old)  # noqa: E731
+    u, cost, R, q = pick(trial, u), pick(new_cost, cost), pick(new_R, R), pick(new_q, q)
+    damping = jnp.where(first, damping, pick(jnp.maximum(eased, 1e-14), damping * growth))
+    growth = jnp.where(first, growth, pick(2.0, 2 * growth))
+
+    length = jnp.linalg.norm(R, axis=0)
+    scale = jnp.maximum(scale, length)
+    weight = jnp.where(scale > 0, scale, 1.0)
+    g = R.T @ q
+    held = ((u <= low) & (g > 0)) | ((u >= high) & (g < 0)) | (low == high)
+    kept = jnp.where(held[None, :], 0.0, R) / weight[None, :]
+
+    # damped and undamped step from the same singular values, the undamped one in directions that the data know
+    left, s, right = jnp.linalg.svd(kept, full_matrices=False)
+    share = left.T @ q
+    straight = -(right.T @ (share * s / (s**2 + damping))) / weight
+    curved, gentle = jnp.zeros(u.size), jnp.asarray(True)
+    if pulled is not None:
+        pull = jnp.where(held, 0.0, pulled(u, straight)) / weight
+        curved = -(right.T @ ((right @ pull) / (s**2 + damping))) / weight
+        gentle = jnp.linalg.norm(weight * curved) <= 0.75 * jnp.linalg.norm(weight * straight)
+        curved = jnp.where(gentle, curved, 0.0)
+    wanted = u + straight + curved / 2
+    trial = jnp.clip(wanted, low, high)
+    cut = jnp.any(trial != wanted)
+    moved = trial - u
+    ahead = R @ moved
+    promised = -(2 * g @ moved + ahead @ ahead)
+
+    known = s > 1e-14 * s[0]
+    share = jnp.where(known, share, 0.0)
+    undamped = right.T @ (share / jnp.where(known, s, 1.0)) / weight
+    inside = jnp.all((u - undamped >= low) & (u - undamped <= high))
+    still = jnp.all(jnp.abs(undamped) <= xtol * jnp.abs(u)) | jnp.all(jnp.abs(g) == 0)
+    flat = share @ share <= ftol * cost
+
+    # a step cut at a bound may promise nothing; shorter ones, nearer to the gradient, then do
+    status = jnp.where(
+        (still | flat) & (inside | ~cut), int(Outcome.OK), jnp.where(damping > 1e16, int(Outcome.STALLED), RUNNING)
+    )
+    # an unknown that once mattered and no longer does has run away to where the model is flat
+    status = jnp.where(jnp.any(length < 1e-12 * scale) & (status != RUNNING), int(Outcome.STALLED), status)
+    status = jnp.where(jnp.isfinite(cost), status, int(Outcome.NOT_FINITE))
+    usable = ((promised > 0) | (pulled is not None)) & gentle
+    return _Descent(u, cost, R, q, scale, damping, growth, count + 1, verdict, trial, promised, usable, status)
+
+
+def _ended(search: _Descent, low, high) -> SolverResult:
+    """Where a search stopped, and why."""
+    u, status = search.u, jnp.where(search.status == RUNNING, int(Outcome.NOT_CONVERGED), search.status)
+    on_bound = jnp.any(((u <= low) | (u >= high)) & (low < high))
+    status = jnp.where((status == int(Outcome.OK)) & on_bound, int(Outcome.AT_BOUND), status)
+    return SolverResult(u, search.cost, status, search.count)
+
+
 def levenberg_marquardt(
     residual: Callable[[jax.Array], jax.Array],
     start: Float[Array, "*starts free"],
@@ -98,93 +199,25 @@ def levenberg_marquardt(
     free = start.shape[-1]
 
     def evaluate(u: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
-        """Cost, and J = QR as R and Qᵀr: orthogonal steps keep the digits that JᵀJ loses."""
         if condensed:
-            both = residual(u)
-        else:
-            r, J = value_and_jacobian(residual, u)
-            both = jnp.concatenate([J, r[:, None]], axis=1)
-        cost = both[:, -1] @ both[:, -1]
-        usable = jnp.isfinite(cost) & jnp.all(jnp.isfinite(both))
-        both = jnp.where(usable, both, 0.0)
-        pad = jnp.zeros((max(0, free + 1 - both.shape[0]), free + 1))
-        R = jnp.linalg.qr(jnp.concatenate([both, pad]), mode="r")
-        return jnp.where(usable, cost, jnp.inf), R[:free, :free], R[:free, free]
+            return _triangle(residual(u), free)
+        r, J = value_and_jacobian(residual, u)
+        return _triangle(jnp.concatenate([J, r[:, None]], axis=1), free)
 
-    def step(state):
-        """Judge the trial at hand, then draw up the next one from where that leaves us."""
-        u, cost, R, q, scale, damping, growth, count, _, (trial, promised, usable, verdict) = state
-        new_cost, new_R, new_q = evaluate(trial)
-        first = count < 0
-        better = first | ((new_cost < cost) & usable)
-        gain = (cost - new_cost) / jnp.where(promised > 0, promised, jnp.inf)
-        eased = damping * jnp.maximum(1 / 3, 1 - (2 * gain - 1) ** 3)
-        pick = lambda new, old: jnp.where(better, new, old)  # noqa: E731
-        u, cost, R, q = pick(trial, u), pick(new_cost, cost), pick(new_R, R), pick(new_q, q)
-        damping = jnp.where(first, damping, pick(jnp.maximum(eased, 1e-14), damping * growth))
-        growth = jnp.where(first, growth, pick(2.0, 2 * growth))
+    def pulled(u: jax.Array, straight: jax.Array) -> jax.Array:
+        """Gradient of the residual against its second derivative along a step."""
+        once = lambda x: jax.jvp(residual, (x,), (straight,))[1]  # noqa: E731
+        twice = jax.jvp(once, (u,), (straight,))[1]
+        return jax.vjp(residual, u)[1](twice)[0]
 
-        length = jnp.linalg.norm(R, axis=0)
-        scale = jnp.maximum(scale, length)
-        weight = jnp.where(scale > 0, scale, 1.0)
-        g = R.T @ q
-        held = ((u <= low) & (g > 0)) | ((u >= high) & (g < 0)) | (low == high)
-        kept = jnp.where(held[None, :], 0.0, R) / weight[None, :]
+    def step(search: _Descent) -> _Descent:
+        return _judged(search, evaluate(search.trial), low, high, xtol, ftol, pulled if bend else None)
 
-        # damped and undamped step from the same singular values, the undamped one in directions that the data know
-        left, s, right = jnp.linalg.svd(kept, full_matrices=False)
-        share = left.T @ q
-        straight = -(right.T @ (share * s / (s**2 + damping))) / weight
-        curved, gentle = jnp.zeros(free), jnp.asarray(True)
-        if bend:
-            once = lambda x: jax.jvp(residual, (x,), (straight,))[1]  # noqa: E731
-            twice = jax.jvp(once, (u,), (straight,))[1]
-            pull = jnp.where(held, 0.0, jax.vjp(residual, u)[1](twice)[0]) / weight
-            curved = -(right.T @ ((right @ pull) / (s**2 + damping))) / weight
-            gentle = jnp.linalg.norm(weight * curved) <= 0.75 * jnp.linalg.norm(weight * straight)
-            curved = jnp.where(gentle, curved, 0.0)
-        wanted = u + straight + curved / 2
-        trial = jnp.clip(wanted, low, high)
-        cut = jnp.any(trial != wanted)
-        moved = trial - u
-        ahead = R @ moved
-        promised = -(2 * g @ moved + ahead @ ahead)
+    def running(search: _Descent) -> jax.Array:
+        return (search.status == RUNNING) & (search.count < max_steps)
 
-        known = s > 1e-14 * s[0]
-        share = jnp.where(known, share, 0.0)
-        undamped = right.T @ (share / jnp.where(known, s, 1.0)) / weight
-        inside = jnp.all((u - undamped >= low) & (u - undamped <= high))
-        still = jnp.all(jnp.abs(undamped) <= xtol * jnp.abs(u)) | jnp.all(jnp.abs(g) == 0)
-        flat = share @ share <= ftol * cost
-
-        # a step cut at a bound may promise nothing; shorter ones, nearer to the gradient, then do
-        status = jnp.where(
-            (still | flat) & (inside | ~cut), int(Outcome.OK), jnp.where(damping > 1e16, int(Outcome.STALLED), RUNNING)
-        )
-        # an unknown that once mattered and no longer does has run away to where the model is flat
-        status = jnp.where(jnp.any(length < 1e-12 * scale) & (status != RUNNING), int(Outcome.STALLED), status)
-        status = jnp.where(jnp.isfinite(cost), status, int(Outcome.NOT_FINITE))
-        usable = ((promised > 0) | bend) & gentle
-        return u, cost, R, q, scale, damping, growth, count + 1, verdict, (trial, promised, usable, status)
-
-    def running(state) -> jax.Array:
-        *_, count, status, _ = state
-        return (status == RUNNING) & (count < max_steps)
-
-    def begin(start):
-        """The residual stands once in the program: the start is the first trial, and is always taken."""
-        zero, inf, square = jnp.asarray(0), jnp.asarray(jnp.inf), jnp.zeros((free, free))
-        trial = (start, -inf, jnp.asarray(True), zero + RUNNING)
-        begun = (start, inf, square, jnp.zeros(free), jnp.zeros(free), jnp.asarray(damping, float), jnp.asarray(2.0))
-        return (*begun, zero - 1, zero + RUNNING, trial)
-
-    def end(state) -> SolverResult:
-        u, cost, *_, count, status, _ = state
-        status = jnp.where(status == RUNNING, int(Outcome.NOT_CONVERGED), status)
-        on_bound = jnp.any(((u <= low) | (u >= high)) & (low < high))
-        status = jnp.where((status == int(Outcome.OK)) & on_bound, int(Outcome.AT_BOUND), status)
-        return SolverResult(u, cost, status, count)
-
+    begin = lambda start: _begun(start, damping)  # noqa: E731
+    end = lambda search: _ended(search, low, high)  # noqa: E731
     if start.ndim == 1:
         return end(jax.lax.while_loop(running, step, begin(start)))
 
@@ -196,6 +229,43 @@ def levenberg_marquardt(
 
     states = jax.lax.while_loop(lambda states: jnp.any(jax.vmap(running)(states)), all_step, jax.vmap(begin)(start))
     return jax.vmap(end)(states)
+
+
+def step_by_step(
+    look: Callable[[np.ndarray], np.ndarray],
+    start: Float[np.ndarray, " free"],
+    low: Float[np.ndarray, " free"],
+    high: Float[np.ndarray, " free"],
+    *,
+    max_steps: int = 100,
+    xtol: float = 1e-10,
+    ftol: float = 1e-12,
+) -> SolverResult:
+    """The same search where the residual is no JAX function: one that runs programs of its own, or keeps what it saw.
+
+    Args:
+        look: From the unknowns to (free + 1, free + 1) the triangular factor of [J, r], NaN where there is none.
+        start, low, high, max_steps, xtol, ftol: As in `levenberg_marquardt`.
+    """
+    search = _start(start)
+    while int(search.status) == RUNNING and int(search.count) < max_steps:
+        search = _next(search, look(np.asarray(search.trial)), low, high, xtol, ftol)
+    return _end(search, low, high)
+
+
+@jax.jit
+def _start(start) -> _Descent:
+    return _begun(start, 1e-3)
+
+
+@jax.jit
+def _next(search: _Descent, both, low, high, xtol, ftol) -> _Descent:
+    return _judged(search, _triangle(both, both.shape[1] - 1), low, high, xtol, ftol)
+
+
+@jax.jit
+def _end(search: _Descent, low, high) -> SolverResult:
+    return _ended(search, low, high)
 
 
 @eqx.filter_jit

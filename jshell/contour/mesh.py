@@ -135,14 +135,18 @@ def with_small_edge(shape: Meridian, count: int, ratio: Scalar = 2.0) -> Meridia
             beyond 2.
     """
     assert shape.edge is not None
-    shares = jnp.asarray(ratio, dtype=float) ** -jnp.minimum(jnp.arange(count + 1.0), count - 1.0)
-    inside = jnp.cumsum(shares)[:-1] / jnp.sum(shares)
-    before, edge, after = (shape.nodes[shape.edge + k] for k in (-1, 0, 1))
+    # of given numbers NumPy makes it: JAX would compile hundreds of programs that are run once
+    traced = any(isinstance(part, jax.core.Tracer) for part in (shape.nodes, ratio))
+    xp = jnp if traced else np
+    nodes, smaller = xp.asarray(shape.nodes), xp.asarray(ratio, dtype=float)
+    shares = smaller ** -np.minimum(np.arange(count + 1.0), count - 1.0)
+    inside = xp.cumsum(shares)[:-1] / xp.sum(shares)
+    before, edge, after = (nodes[shape.edge + k] for k in (-1, 0, 1))
     parts = [
-        shape.nodes[: shape.edge], before + inside * (edge - before), edge[None],
-        (after + inside * (edge - after))[::-1], shape.nodes[shape.edge + 1 :],
+        nodes[: shape.edge], before + inside * (edge - before), edge[None],
+        (after + inside * (edge - after))[::-1], nodes[shape.edge + 1 :],
     ]  # fmt: skip
-    return _build(jnp.concatenate(parts), shape.attached, shape.edge + count)
+    return _build(xp.concatenate(parts), shape.attached, shape.edge + count)
 
 
 def carry(u: Float[Array, "before"], old: Meridian, new: Meridian) -> Float[Array, "coordinates"]:

@@ -1,7 +1,6 @@
 """The way to a minimum: Levenberg and Marquardt's steps on nodes that stay, then nodes that follow, until both rest.
 
-The solver is that of the calibrations. It is run as it is written, step by step, so that no program is compiled for
-it: what takes time is the simulator, and that is compiled already.
+The solver is that of the calibrations, taken step by step: what takes time is the simulator, a program of its own.
 
 Symbols    u what the solver sees of the unknowns   r weighted residual   J = ∂r/∂u
 """
@@ -9,11 +8,9 @@ Symbols    u what the solver sees of the unknowns   r weighted residual   J = �
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
-from jshell.calibration.least_squares import SolverResult, levenberg_marquardt
+from jshell.calibration.least_squares import SolverResult, step_by_step
 from jshell.errors import Outcome
 from jshell.inversion.model import Model, Weighing
 from jshell.inversion.projection import Projection
@@ -92,11 +89,10 @@ def solve(
     size = u.size
     more = -size % FILLED
 
-    def rows(at: jax.Array) -> jax.Array:
-        v = np.asarray(at)[:size]
+    def rows(at: np.ndarray) -> np.ndarray:
+        v = at[:size]
         if v.tobytes() not in known:
-            with jax.disable_jit(False):
-                known[v.tobytes()] = projections_at(model, v, near, weighings)
+            known[v.tobytes()] = projections_at(model, v, near, weighings)
         projections, ended = known[v.tobytes()]
         square = np.full((size + more + 1, size + more + 1), np.nan)
         if ended == Outcome.OK:
@@ -105,14 +101,12 @@ def solve(
             upper = np.asarray(np.linalg.qr(np.vstack([*both, np.column_stack([J, r])]), mode="r"))
             square[:] = 0.0
             square[: len(upper), :size], square[: len(upper), -1] = upper[:, :size], upper[:, -1]
-        return jnp.asarray(square)
+        return square
 
-    filled = lambda part: jnp.asarray(np.concatenate([part, np.zeros(more)]))  # noqa: E731
-    with jax.disable_jit():
-        found = levenberg_marquardt(
-            rows, filled(u), filled(span[0]), filled(span[1]), max_steps=max_steps, xtol=tolerances[0],
-            ftol=tolerances[1], condensed=True,
-        )  # fmt: skip
+    filled = lambda part: np.concatenate([part, np.zeros(more)])  # noqa: E731
+    found = step_by_step(
+        rows, filled(u), filled(span[0]), filled(span[1]), max_steps=max_steps, xtol=tolerances[0], ftol=tolerances[1]
+    )
     return SolverResult(found.unknowns[:size], found.cost, found.outcome, found.steps)
 
 

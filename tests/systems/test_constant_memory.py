@@ -3,6 +3,7 @@
 import gc
 from functools import cache
 
+import jax.numpy as jnp
 import numpy as np
 import psutil
 import pytest
@@ -69,7 +70,7 @@ QUICK = {
     "matrices": lambda x: oscillator.matrices(SOURCE, state(x), reduced(x)),
     "stability_margin": lambda x: oscillator.stability_margin(state(x), SOURCE, reduced(x)),
     "decay_time": lambda x: oscillator.decay_time(SOURCE, 0.004 * x),
-    "drag_coefficient": lambda x: oscillator.drag_coefficient(np.asarray(30.0 * x)),
+    "drag_coefficient": lambda x: oscillator.drag_coefficient(jnp.asarray(30.0 * x)),
     "ringing": lambda x: oscillator.ringing(reduced(x)),
     "thresholds": lambda x: oscillator.thresholds(reduced(x), SOURCE),
     "unbuckling_volume": lambda x: oscillator.unbuckling.unbuckling_volume(reduced(x), SOURCE, state(x)),
