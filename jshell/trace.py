@@ -6,6 +6,8 @@ the units were when the trace came from a laboratory.
 """
 
 import math
+import os
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
@@ -233,6 +235,30 @@ class Trace(eqx.Module):
         words = np.vectorize(lambda code: Outcome(int(code)).word, otypes=[str])(np.asarray(self.outcome))
         facts["outcome"] = str(words) if words.ndim == 0 else words
         return facts
+
+
+def traces_of(given: Any) -> list[Trace]:
+    """One trace, or several, as a list.
+
+    Raises:
+        BadValue: None, or something that is no trace, such as the path of a file.
+    """
+    path = str | os.PathLike
+    listed = list(given) if isinstance(given, Iterable) and not isinstance(given, Trace | path) else [given]
+    for place, one in enumerate(listed, 1):
+        if not isinstance(one, Trace):
+            named = isinstance(one, path)
+            raise BadValue(
+                f"trace {place}",
+                found=f"the path {str(one)!r}" if named else f"{type(one).__name__}",
+                expected="a Trace",
+                remedy=f"Read it: jshell.io.read_trace({str(one)!r})."
+                if named
+                else "Build one: jshell.Trace(t, {'V': V}).",
+            )
+    if not listed:
+        raise BadValue("traces", found="none", expected="at least one trace", remedy="Give a trace.")
+    return listed
 
 
 def _described(name: str) -> dict[str, str]:

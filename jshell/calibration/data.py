@@ -9,7 +9,7 @@ from jshell.calibration.sampling import noise_of
 from jshell.errors import BadName, BadShape, BadValue
 from jshell.shell.parameters import Reduced
 from jshell.signals import MEASURED, ring_down_start
-from jshell.trace import Trace
+from jshell.trace import Trace, traces_of
 
 SMALLEST_NOISE = 1e-3  # of a channel's scatter: cleaner records are all weighed alike
 
@@ -62,11 +62,8 @@ def windowed(
         BadValue: No conditions, or fewer than 16 samples, or numbers that are not finite.
         UnusableData: A record that cannot be of its shell.
     """
-    listed = [traces] if isinstance(traces, Trace) else list(traces)
-    if not listed:
-        raise BadValue("traces", found="none", expected="at least one trace", remedy="Give a trace.")
     found = []
-    for number, trace in enumerate(listed, 1):
+    for number, trace in enumerate(traces_of(traces), 1):
         conditions_of(trace, number)
         # a record that holds a snap is read from its ring-down on: the motion before it is not small
         cut = trace.between(ring_down_start(trace) if start is None else start, stop)

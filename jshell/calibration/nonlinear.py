@@ -36,7 +36,7 @@ from jshell.oscillator.motion import Driven
 from jshell.shell.elasticity import SPHERE_AREA
 from jshell.shell.parameters import Reduced
 from jshell.shell.rest import RestState, buckled_state
-from jshell.trace import Trace
+from jshell.trace import Trace, traces_of
 
 SOLVERS = ("rk4", "diffrax")
 NAMES = ("alpha1", "alpha2", "k_vs", "beta1")
@@ -121,7 +121,7 @@ def fit_nonlinear(traces: Trace | Sequence[Trace], *, solver: str = "rk4", max_s
     """
     if solver not in SOLVERS:
         raise BadName(f"solver {solver!r}", found="no such solver", expected=" or ".join(SOLVERS), remedy="Choose one.")
-    listed = [traces] if isinstance(traces, Trace) else list(traces)
+    listed = traces_of(traces)
     times, data, weight, absolute = _read(listed)
     conditions = [trace.conditions for trace in listed if trace.conditions is not None]
     with warnings.catch_warnings():
@@ -146,8 +146,6 @@ def fit_nonlinear(traces: Trace | Sequence[Trace], *, solver: str = "rk4", max_s
 
 def _read(traces: list[Trace]) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool]:
     """Common times, data (2, times, traces), weights (2, traces), and whether σ was given."""
-    if not traces:
-        raise BadValue("traces", found="none", expected="at least one", remedy="Give a trace.")
     times = sampling(np.asarray(traces[0].times, dtype=float)).times
     columns, weights, given = [], [], True
     for number, trace in enumerate(traces, 1):

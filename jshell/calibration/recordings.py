@@ -24,7 +24,7 @@ from jshell.shell.rest import RestState, buckled_state
 from jshell.signals import MEASURED
 from jshell.signals.lanes import lanes_for
 from jshell.signals.wave_sums import INNER
-from jshell.trace import Trace
+from jshell.trace import Trace, traces_of
 
 FEWEST = 32  # samples of a record
 
@@ -128,15 +128,13 @@ def records_of(
 
     Raises:
         BadName: A channel that is missing, or that the strict loss does not know.
-        BadValue: No record.
+        BadValue: No record, or something that is none.
     """
     names = tuple(channels or ())
     if isinstance(traces, Recordings):
         there = traces.channels
     else:
-        traces = list(traces)
-        if not traces:
-            raise BadValue("traces", found="none", expected="at least one trace", remedy="Give a trace.")
+        traces = traces_of(traces)
         there = tuple(name for name in traces[0].channels if all(name in one.channels for one in traces))
     if loss is None:
         loss = "strict" if (not names and {"V", "S"} <= set(there)) or set(names) == {"V", "S"} else "modal"
@@ -166,6 +164,7 @@ def stacked(traces: Sequence[Trace], names: tuple[str, ...] = ("V", "S"), loss: 
     Raises:
         BadValue: A trace without conditions; σ that changes along a record, or is given for some only.
     """
+    traces = traces_of(traces)
     longest = max(np.shape(trace.times)[0] for trace in traces)
     times = np.zeros((len(traces), longest))
     values = np.full((len(traces), len(names), longest), np.nan)

@@ -27,7 +27,7 @@ from jshell.inversion.snap import Snap
 from jshell.inversion.starts import starts
 from jshell.inversion.through import Question, through
 from jshell.inversion.unknowns import SI, Unknown, space
-from jshell.trace import Trace
+from jshell.trace import Trace, traces_of
 
 PAD, SPOT = 0.02, 0.1  # what is known of a pad [rad] and of a weak spot [-] that nothing is said of
 FIRST_STEPS = 14  # of a start that is one of several
@@ -88,16 +88,16 @@ def invert(
 
     Raises:
         BadName: No such number or channel.
-        BadValue: Nothing asked, or something neither known nor asked.
+        BadValue: Nothing asked, or something neither known nor asked; no trace, but the path of a file.
         UnusableData: A record too short, or without an oscillation.
 
     Example:
         >>> import jshell as js
-        >>> trace = js.io.example("attached_R_HW")  # doctest: +SKIP
+        >>> trace = js.io.read_trace(js.io.example("attached_R_HW.csv"))  # doctest: +SKIP
         >>> print(js.invert(trace, unknown=("youngs_modulus", "gas_pressure")))  # doctest: +SKIP
     """
     choose("level", level, ("modal", "trace")) if isinstance(level, str) else None
-    listed = [traces] if isinstance(traces, Trace) else list(traces)
+    listed = traces_of(traces)
     asked = unknown if isinstance(unknown, Mapping) else tuple([unknown] if isinstance(unknown, str) else unknown)
     given = _per_recording(known or {}, len(listed))
     si = _in_si(listed, {*asked, *given[0]})

@@ -19,7 +19,7 @@ from jshell.signals.sample_faults import sample_faults
 from jshell.signals.snap import dip, ring_down_start
 from jshell.signals.waves import DRIFTS, SignalFit, linear_part, measured, search
 from jshell.signals.waves_from_data import in_cells, model_orders, sound
-from jshell.trace import Trace
+from jshell.trace import Trace, traces_of
 
 FEWEST_SAMPLES = 32
 LOUDER = 2.0  # ratio of the noise of two channels, each over its scatter, from which they count by it
@@ -168,7 +168,7 @@ def extract(
 
     Raises:
         BadName: A channel that the trace does not have.
-        BadValue: Samples that are not finite.
+        BadValue: Samples that are not finite; no trace, but the path of a file.
 
     Example:
         >>> import jshell as js, numpy as np
@@ -178,6 +178,7 @@ def extract(
         >>> print(f"{found.omega_minus:.4f} {found.omega_plus:.4f} {found.tau:.3f} {found.verdict}")
         1.0078 1.7046 8.000 two
     """
+    (trace,) = traces_of([trace])
     names = _chosen(trace, channel)
     times = np.asarray(trace.times, dtype=float)
     for name in (*names, *(m for m in MEASURED if m in trace.channels)):

@@ -23,7 +23,7 @@ cases = importlib.util.module_from_spec(spec)
 sys.modules["golden_cases"] = cases
 spec.loader.exec_module(cases)
 QUICK = (*cases.FAST, *cases.FAST_OTHERS)
-AT_ONCE = ("strict_plain", "strict_noise", "strict_missing", "modal_noise", "frequencies", "frequencies_bounds")
+AT_ONCE = ("strict_plain", "strict_missing", "frequencies_bounds")
 MARK = {name: pytest.mark.long if name in QUICK else pytest.mark.slow for name in (*cases.FITS, *cases.OTHERS)}
 NAMES = [name if name in AT_ONCE else pytest.param(name, marks=mark) for name, mark in MARK.items()]
 

@@ -33,6 +33,7 @@ def _recovered(seed, solver):
     assert max(abs(z) for z in _deviations(found, shell).values()) < 4, found
 
 
+@pytest.mark.long
 def test_fifty_random_shells_are_recovered_by_the_exact_solver():
     for seed in range(50):
         _recovered(seed, "exact")

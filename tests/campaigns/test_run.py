@@ -103,6 +103,7 @@ class Losing(Executor):
         return future
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("times", "missing"), [(2, 0), (6, 2)])
 def test_lost_run_is_tried_three_times_and_then_left_unfinished(small, tmp_path, times, missing):
     told = []

@@ -30,6 +30,7 @@ def test_another_unit_or_no_number_is_refused(text):
         read_amount(text, "length")
 
 
+@pytest.mark.long
 def test_the_same_shell_with_units_and_in_si():
     ending = ("--rho", "1260", "--volume", "0.7", "--elements", "16", "--json")
     units = asked(

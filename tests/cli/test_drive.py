@@ -166,6 +166,7 @@ def test_a_bifurcation_counts_what_ends_and_is_drawn(tmp_path):
     assert "--lanes" in _refused("bifurcation", *SHELL, "--highest", "0.1", "--lanes", "1")
 
 
+@pytest.mark.long
 def test_softening_stands_beside_the_simulator(tmp_path):
     png = tmp_path / "s.png"
     code, told = _asked("softening", "--points", "20", "--plot", str(png))

@@ -38,6 +38,7 @@ def test_frequencies_of_R_are_those_of_another_code(ideal):
     assert np.all(np.asarray(ideal.outcome) == 0)
 
 
+@pytest.mark.long
 def test_only_even_orders_change_the_width(ideal):
     assert np.all(ideal.dW[::2] == 0)
     assert np.all(ideal.dW[1::2] > 0)
@@ -73,6 +74,7 @@ def test_the_exact_liquid_is_refused_where_it_is_not_known(R):
             dynamics.modes(R, azimuth=orders)
 
 
+@pytest.mark.long
 def test_a_layer_that_is_thick_against_the_waves_around_is_warned_of(ideal):
     def at(viscosity):
         return eqx.tree_at(lambda found: found.rest.conditions.viscosity, ideal, jnp.asarray(viscosity))

@@ -96,7 +96,13 @@ def test_at_the_maxwell_point_dimple_and_sphere_store_the_same(branch, make_prob
         maxwell_point(make_problem(0.22, 0.9, 1.6), branch=branch, sphere="round")
 
 
-@pytest.mark.parametrize(("d", "asked"), [(0.30, 0.850), (0.22, 0.889), (0.10, 0.959), (0.05, 0.978)])
+@pytest.mark.parametrize(
+    ("d", "asked"),
+    [
+        (0.22, 0.889),
+        *(pytest.param(*one, marks=pytest.mark.long) for one in ((0.30, 0.850), (0.10, 0.959), (0.05, 0.978))),
+    ],
+)
 def test_first_eigenvalue_of_the_compressed_sphere(d, asked):
     found = buckling_eigenvalue(d)
     assert int(found.outcome) == Outcome.OK
@@ -154,6 +160,7 @@ def test_the_estimated_error_is_the_error(R, rest_R):
     assert abs(float(found.volume_ratio)) > 1e-7
 
 
+@pytest.mark.long
 def test_a_sphere_has_no_plateau(make_problem):
     with pytest.raises(NotOk, match="no_buckled_state"):
         plateau_pressure(0.3, volume_ratio=0.96, elements=ELEMENTS)

@@ -216,6 +216,7 @@ def test_stretches_are_those_of_the_wall(rest_R):
     np.testing.assert_allclose(along.get_ydata()[[0, -1]], around.get_ydata()[[0, -1]], atol=2e-3)
 
 
+@pytest.mark.long
 def test_softening_marks_the_drop():
     figure = softening.softening(thickness=(0.02,), pressures=(0.4,))
     assert "ω̂₋ by 4.5, ω̂₊ by 2.5" in words(figure)

@@ -57,6 +57,7 @@ def test_constants_are_found_from_what_was_heard(readings, weighting):
         assert found[name].value == pytest.approx(float(getattr(TRUE, name)), rel=1e-6)  # exact data
 
 
+@pytest.mark.long
 def test_a_common_factor_of_the_frequencies_divides_the_masses_by_its_square(readings):
     """What a box that raises every frequency does to the constants: k_VS stays."""
     heard, modes = (readings[key].fits["V_e omega"] for key in ("modes of heard", "undamped range"))

@@ -106,6 +106,7 @@ def test_a_killed_process_is_replaced_and_its_job_done_again(running):
     assert slot(worker)._process != killed
 
 
+@pytest.mark.long
 def test_a_cancelled_job_is_stopped_and_the_next_one_done(running):
     store, worker = running
     job = store.submit("simulate", long(2), []).job
