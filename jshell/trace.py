@@ -244,7 +244,7 @@ def traces_of(given: Any) -> list[Trace]:
         BadValue: None, or something that is no trace, such as the path of a file.
     """
     path = str | os.PathLike
-    listed = list(given) if isinstance(given, Iterable) and not isinstance(given, Trace | path) else [given]
+    listed: list[Any] = list(given) if isinstance(given, Iterable) and not isinstance(given, Trace | path) else [given]
     for place, one in enumerate(listed, 1):
         if not isinstance(one, Trace):
             named = isinstance(one, path)

@@ -13,6 +13,7 @@ Source     the curve and its parameter: Mokbel et al. 2021, numerical method
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from jshell.contour.curve import Meridian, Near
@@ -136,7 +137,7 @@ def with_small_edge(shape: Meridian, count: int, ratio: Scalar = 2.0) -> Meridia
     """
     assert shape.edge is not None
     # of given numbers NumPy makes it: JAX would compile hundreds of programs that are run once
-    traced = any(isinstance(part, jax.core.Tracer) for part in (shape.nodes, ratio))
+    traced = any(isinstance(part, Tracer) for part in (shape.nodes, ratio))
     xp = jnp if traced else np
     nodes, smaller = xp.asarray(shape.nodes), xp.asarray(ratio, dtype=float)
     shares = smaller ** -np.minimum(np.arange(count + 1.0), count - 1.0)
