@@ -37,7 +37,15 @@ def test_white_noise_passes():
     assert np.std([lag_one(autocorrelated(0.0, seed))[1] for seed in range(200)]) == pytest.approx(1, abs=0.2)
 
 
-@pytest.mark.parametrize(("effective", "worth"), [(22.4, "22 samples' worth"), (0.2, "worth less than one sample")])
+@pytest.mark.parametrize(
+    ("effective", "worth"),
+    [
+        (22.4, "22 samples' worth"),
+        (1.2, "one sample's worth"),
+        (0.8, "worth less than one sample"),
+        (0.2, "worth less than one sample"),
+    ],
+)
 def test_a_report_says_what_samples_are_worth(effective, worth):
     told = Noise("W [1]", 124, 0.93, 10.4, -9.9, 0.998, effective, 1.0, 1.0).words()
     assert told.endswith(f"autocorrelated, φ = 0.998: {worth}")
