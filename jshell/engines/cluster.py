@@ -53,13 +53,21 @@ class Cluster(Executor):
 
         Raises:
             RuntimeError: The engine is closed.
+            WorkerLost: Its client has given its scheduler up.
         """
         name = f"task {getattr(fn, '__qualname__', repr(fn))}({', '.join(repr(value)[:60] for value in args)})"
-        inner = self._inner.submit(partial(fn, *args, **kwargs))
+        try:
+            inner = self._inner.submit(partial(fn, *args, **kwargs))
+        except self._closed as fault:
+            raise _lost(name, fault) from None
         outer: Future = Future()
         self._open.add(outer)
         outer.add_done_callback(lambda done: inner.cancel() if done.cancelled() else None)
         inner.add_done_callback(lambda done: self._finished(name, outer, done))
+        # a client that is closing may have let go of all that it held before it held this one: nothing would end it
+        if self._client.status in ("closing", "closed"):
+            inner.cancel()
+            self._end(outer, _lost(name, CancelledError()))
         return outer
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
@@ -77,21 +85,32 @@ class Cluster(Executor):
         self.shutdown(wait=kind is None, cancel_futures=kind is not None)
 
     def _finished(self, name: str, outer: Future, inner: Future) -> None:
-        self._open.discard(outer)
-        if not outer.set_running_or_notify_cancel():
-            return
         fault = CancelledError() if inner.cancelled() else inner.exception()
         if isinstance(fault, self._lost | CancelledError | OSError):
-            fault = WorkerLost(
-                name,
-                found=f"its worker or the scheduler was lost ({type(fault).__name__})",
-                expected="a cluster that lives until the task is done",
-                remedy="Submit it again; look at the memory of the workers if it is lost again.",
-            )
+            fault = _lost(name, fault)
+        self._end(outer, fault, None if fault is not None else inner.result())
+
+    def _end(self, outer: Future, fault: BaseException | None, result: object = None) -> None:
+        """Tell who waits how a task ended, once."""
+        try:
+            self._open.remove(outer)
+        except KeyError:  # somebody has
+            return
+        if not outer.set_running_or_notify_cancel():
+            return
         if fault is not None:
             outer.set_exception(fault)
         else:
-            outer.set_result(inner.result())
+            outer.set_result(result)
+
+
+def _lost(name: str, fault: BaseException) -> WorkerLost:
+    return WorkerLost(
+        name,
+        found=f"its worker or the scheduler was lost ({type(fault).__name__})",
+        expected="a cluster that lives until the task is done",
+        remedy="Submit it again; look at the memory of the workers if it is lost again.",
+    )
 
 
 def _no_second_tries(dask_scheduler) -> None:

@@ -149,8 +149,8 @@ class _Slot:
                     continue
                 seen = self.store.notifier.count
                 job = self.store.lease(self.owner, self.settings.lease)
-            except (JshellError, OSError, RuntimeError, CancelledError) as error:
-                log.warning("not ready for a job: %s", error)
+            except Exception as error:  # whatever an engine may say: without its slots the service would wait for ever
+                log.warning("not ready for a job: %s", error if isinstance(error, JshellError) else repr(error))
                 self.close()
                 self.worker.stopping.wait(BACKOFF[min(failures, len(BACKOFF) - 1)])
                 failures += 1

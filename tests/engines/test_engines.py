@@ -193,5 +193,20 @@ def test_a_cluster_that_has_lost_its_scheduler_for_good_is_left_in_peace():
         engine = engines.open(cluster.scheduler_address)
         waiting = engine.submit(pow, 2, 3)
         engine._client.sync(engine._client._close)  # what it does by itself once it has given up its scheduler
+        with pytest.raises(WorkerLost, match=r"pow\(2, 4\)"):
+            engine.submit(pow, 2, 4)
         engine.shutdown(wait=False, cancel_futures=True)
         assert waiting.cancelled() or isinstance(waiting.exception(timeout=PATIENCE), WorkerLost)
+
+
+@pytest.mark.long
+def test_what_a_cluster_is_given_while_its_client_closes_ends():
+    """It has let go of what it held, and holds one more: nothing of Dask would ever end that."""
+    distributed = pytest.importorskip("distributed", reason="no Dask: pip install distributed")
+    with distributed.LocalCluster(n_workers=0, processes=True, host="127.0.0.1", dashboard_address=":0") as cluster:
+        engine = engines.open(cluster.scheduler_address)
+        engine._client.status = "closing"
+        waiting = engine.submit(pow, 2, 3)
+        engine._client.status = "running"
+        assert isinstance(waiting.exception(timeout=PATIENCE), WorkerLost)
+        engine.shutdown(wait=False, cancel_futures=True)

@@ -12,6 +12,7 @@ import jax
 import psutil
 import pytest
 
+from jshell.engines.inline import Inline
 from jshell.service.settings import Settings
 from jshell.service.store import JobRow, Store
 from jshell.service.worker import Worker
@@ -166,6 +167,25 @@ def test_this_process_serves_too_and_keeps_its_leases(local):
 
 
 @pytest.mark.long
+def test_a_slot_outlives_whatever_an_engine_says(local, monkeypatch):
+    """A slot that ended would leave what waits unattended, in a service that looks well."""
+    said = [Exception("Client is closed"), None]
+
+    class Odd(Inline):
+        def submit(self, fn, /, *args, **kwargs):
+            if fault := said.pop(0) if said else None:
+                raise fault
+            return super().submit(fn, *args, **kwargs)
+
+    monkeypatch.setattr("jshell.service.worker.engines.open", lambda _: Odd())
+    worker = Worker(Settings(lease=2, warm=False, engine="inline"), local)
+    worker.start()
+    job = local.submit("simulate", asked(0), []).job
+    assert awaited(local, job.id, "done", "failed").state == "done"
+    worker.stop(10)
+    assert not said
+
+
 def test_a_worker_outlives_a_database_that_does_not_answer(local, monkeypatch):
     worker = Worker(Settings(engine="inline", lease=5, warm=False), local)
     monkeypatch.setattr("jshell.service.database.PATIENCE", 0.2)
