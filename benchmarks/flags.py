@@ -2,7 +2,7 @@
 
 Random shells (`random_shell`, seeds 0, 1, …), V and S, 400 samples over 40 time units, noise 1 % of each channel's
 scatter. A fit is *flagged* when its outcome is not ok, or a warning begins with `misfit` or says that the record
-rests where its conditions do not have it.
+rests where its conditions do not have it, or when the record is refused.
 
     python benchmarks/flags.py [good ones] [bad ones of each kind]
 """
@@ -60,7 +60,7 @@ def one_mode(which: int) -> Callable[[int], FitResult]:
 
 
 def too_short(seed: int) -> FitResult:
-    """A seventh of a slow period; shorter ones are refused."""
+    """A seventh of a slow period; one that is shorter than any motion is refused."""
     shell = random_shell(seed)
     omega = float(js.oscillator.frequencies(shell.conditions, shell.coefficients).omega_minus)
     return fit_trajectories(random_trace(shell, seed, duration=2 * np.pi / omega / 7, samples=400))
@@ -117,10 +117,15 @@ KINDS: dict[str, tuple[str, Callable[[int], FitResult]]] = {
 }
 
 
-def ends(fit: Callable[[int], FitResult], count: int) -> Iterator[tuple[int, str, FitResult]]:
+def ends(fit: Callable[[int], FitResult], count: int) -> Iterator[tuple[int, str, FitResult | None]]:
+    """Seed, why it is flagged, and the fit; None of a record that is refused."""
     for seed in range(count):
-        found = fit(seed)
-        yield seed, flagged(found), found
+        try:
+            found = fit(seed)
+        except js.errors.UnusableData:
+            yield seed, "refused", None
+        else:
+            yield seed, flagged(found), found
 
 
 def main() -> None:
@@ -131,7 +136,7 @@ def main() -> None:
         began = time.perf_counter()
         told = list(ends(fit, bad))
         missed = [seed for seed, text, _ in told if not text]
-        blind = [seed for seed, text, found in told if "rank_deficient" in text and not found.free_directions]
+        blind = [seed for seed, text, found in told if found and "rank_deficient" in text and not found.free_directions]
         words = ", ".join(f"{k} {v}" for k, v in Counter(text or "nothing" for _, text, _ in told).items())
         tail = f"; not seeds {missed}" if missed else ""
         tail += f"; no direction named for seeds {blind}" if blind else ""

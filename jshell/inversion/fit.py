@@ -35,7 +35,6 @@ LAST_STEPS = 60  # of the best of them, where it did not come to rest
 HEARD = 20.0  # of χ², that a further mode must take: two amplitudes fitted to noise take 2
 ROUNDS = 5  # of noise and minimum
 NEAR = 9.0  # of χ²: two minima nearer than this cannot be told apart
-HOPELESS = 2.0  # times the best cost, above which another start's end is not followed
 SAME = 0.04  # squared standard errors within which two ends are one minimum
 APART = 5.0  # standard errors between them that make them two
 
@@ -218,17 +217,14 @@ def _others(
 ) -> tuple[list[SearchResult], Settled | None]:
     """Where less promising starts end, after the best minimum left a misfit; and the first that leaves none.
 
-    One that after its first steps lies far above that minimum is not followed: data describe a right one better.
+    All are followed to their ends: under the first weights, of fewer modes, a right one may cost twice a wrong one.
     """
     endings: list[SearchResult] = []
     for u in begun:
-        ending = minimise(model, u, weighings, max_steps=FIRST_STEPS, legs=3)
-        hopeless = ending.cost > HOPELESS * before[0].cost
-        if not hopeless:
-            ending = _brought_to_rest(model, [ending], weighings)[0]
+        ending = _brought_to_rest(model, [minimise(model, u, weighings, max_steps=40, legs=3)], weighings)[0]
         known = any(_same(one, ending) for one in (before[0], *endings))
         endings.append(ending)
-        if ending.outcome in (Outcome.OK, Outcome.AT_BOUND) and not (known or hopeless):
+        if ending.outcome in (Outcome.OK, Outcome.AT_BOUND) and not known:
             settled = _settled(model, ending, weighings)
             if not misfits(model, settled.best.projections, settled.noises):
                 return endings, settled
@@ -307,7 +303,7 @@ def _rivals(
     weight = information(best)
     for k, other in enumerate(endings):
         away = other.u - best.u
-        if not other.cost <= HOPELESS * endings[0].cost or away @ weight @ away < APART**2:
+        if not np.isfinite(other.cost) or away @ weight @ away < APART**2:
             continue
         if any(_same(one, other) for one in endings[:k]):
             continue

@@ -26,8 +26,9 @@ FINEST = 1e-6  # of a channel's scatter: what numbers of a file, or of a simulat
 TAKEN_AWAY = 0.3  # share of what two modes leave that a third must take where no description is complete
 ROUNDED = 0.35  # of a digitised channel's step: rms up to which what is left may be its rounding
 EQUAL = 4.0  # of χ²: two minima nearer than this are as good as each other
-UNRESOLVED = 16.0  # of χ², for a mode that beats with the first no more than so many times:
-BEATS = 1.5  # there are hardly other frequencies that it could have had
+UNRESOLVED = 12.8  # of χ², by chance one in two hundred: for a mode that beats with the first no more than
+BEATS = 1.5  # times: there are hardly other frequencies that it could have had
+BLURRED = 0.1  # error of ω+ - ω- over itself up to which χ² is a parabola about two such modes, and errors are errors
 SURE = 1e-3  # relative error of ω+/ω- below which twice the slow frequency is no coincidence
 
 
@@ -98,7 +99,7 @@ def judge(
     if word in ("one", "two"):
         notes += _of_the_noise(noise, names)
     if word == "two":
-        warnings += _other_minima(fits[1], noise, elapsed, values)
+        warnings += _other_minima(fits[1], noise, elapsed, values) + _blurred(two, elapsed)
         sure, text = _overtone(two)
         (warnings if sure else notes).extend(text)
     return Judgement(word, base, noise, tuple(warnings + blemished), tuple(notes + told))
@@ -201,6 +202,16 @@ def _near_by(pairs: Sequence[SignalFit], elapsed: np.ndarray) -> list[str]:
             told = f"ω = {first:.4g} and {second:.4g}"
             return [f"two modes close together are likelier than one, {told}, but not told apart"]
     return []
+
+
+def _blurred(two: SignalFit, elapsed: np.ndarray) -> list[str]:
+    """Two modes so close together that their errors are no measure of what is left open."""
+    apart, C = two.Omega[1] - two.Omega[0], two.covariance
+    slope = np.array([-two.Omega[0], two.Omega[1]])  # of the difference, by log Ω
+    error = float(np.sqrt(max(slope @ C[:2, :2] @ slope, 0.0)))
+    if apart * float(elapsed[-1]) > 2 * np.pi * BEATS or error <= BLURRED * apart:
+        return []
+    return [f"ω+ - ω- = {apart:.2g} ± {error:.1g}: two modes hardly told apart, whose errors may be much larger"]
 
 
 def _other_minima(endings: Sequence[SignalFit], noise, elapsed, values) -> list[str]:

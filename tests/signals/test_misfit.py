@@ -1,5 +1,8 @@
 """What two modes do not describe is said: never ok and wrong."""
 
+import runpy
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -128,6 +131,16 @@ def test_a_pair_too_near_for_its_record_is_flagged_where_one_mode_is_the_less_li
     pair = np.exp(-times / TAU) * (np.cos(1.4 * times) + np.cos(1.42 * times + 1.0))
     found = [heard(pair, seed, times=times, level=0.01) for seed in range(6)]
     assert sum("close together" in " ".join(one.warnings) for one in found) >= 3
+
+
+@pytest.mark.parametrize(("seed", "apart"), [(394, "0.035"), (430, "0.14")])
+def test_a_pair_with_errors_as_large_as_a_tenth_of_its_distance_is_flagged(seed, apart):
+    """A third of a beat: one frequency lay more than four of its errors away, and nothing was said."""
+    made = runpy.run_path(str(Path(__file__).parents[2] / "benchmarks" / "listening.py"))["record"](seed)
+    found = extract(made[1], start=0.0)
+    assert found.verdict == "two"
+    assert not found.sound
+    assert f"ω+ - ω- = {apart} ±" in " ".join(found.warnings)
 
 
 @pytest.mark.parametrize("share", [0.003, also(0.01), also(0.03)])
