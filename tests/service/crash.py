@@ -259,8 +259,8 @@ def kills(url: str, jobs: int, times: int, seed: int, cache: str, patience: floa
         over = counts["done"] + counts["failed"]
         if over == jobs:
             break
-        # spread over the whole run: as many kills per finished job as asked for
-        if hits < times and over >= hits * jobs / (times + 1):
+        # spread over nine tenths of the run, as many per finished job as asked for: the rest is for those that come late
+        if hits < times and over >= 0.9 * hits * jobs / (times + 1):
             time.sleep(chance.uniform(0.0, 0.3))
             busy = [slot for slot in worker._slots if slot.job is not None and slot._process]
             if busy:
