@@ -259,7 +259,7 @@ def kills(url: str, jobs: int, times: int, seed: int, cache: str, patience: floa
         over = counts["done"] + counts["failed"]
         if over == jobs:
             break
-        # spread over nine tenths of the run, as many per finished job as asked for: the rest is for those that come late
+        # spread over nine tenths of the run, as many per finished job as asked for; the rest is for late ones
         if hits < times and over >= 0.9 * hits * jobs / (times + 1):
             time.sleep(chance.uniform(0.0, 0.3))
             busy = [slot for slot in worker._slots if slot.job is not None and slot._process]
