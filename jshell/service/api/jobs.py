@@ -1,6 +1,5 @@
 """Fits, batches and simulations: handed in, looked at, called off, their results."""
 
-from enum import Enum
 from typing import Annotated, Any, no_type_check
 
 from fastapi import APIRouter, Body, File, Form, Header, Path, Query, Response, UploadFile
@@ -125,11 +124,9 @@ def _batch(here: Here, uploads: list[tuple[str, bytes]], options: str, key: str 
 def _routes(kind: str, out: type[JobOut]) -> None:
     """The routes that every kind of job has: list, look, call off, results."""
     plural, words = KINDS[kind].plural, KINDS[kind].words
-    tags: list[str | Enum] = [plural]
+    told: dict[str, Any] = {"responses": problem_responses(404), "tags": [plural]}
 
-    @router.get(
-        f"/{plural}", response_model=JobPage, responses=problem_responses(404), summary=f"List the {plural}", tags=tags
-    )
+    @router.get(f"/{plural}", response_model=JobPage, summary=f"List the {plural}", **told)
     def index(
         here: Here, limit: Limit = 50, before: Before = None, state: Annotated[State | None, Query()] = None
     ) -> dict[str, Any]:
@@ -142,25 +139,13 @@ def _routes(kind: str, out: type[JobOut]) -> None:
     for suffix in KINDS[kind].files:
         _download(kind, suffix)
 
-    @router.get(
-        f"/{plural}/{{id:key}}",
-        response_model=out,
-        responses=problem_responses(404),
-        summary=f"Show one {words}",
-        tags=tags,
-    )
+    @router.get(f"/{plural}/{{id:key}}", response_model=out, summary=f"Show one {words}", **told)
     def one(here: Here, id: Name) -> dict[str, Any]:
         """State, progress, error, and what came out."""
         job = of_kind(here.store, id, kind)
         return with_result(here.store, job) if "result" in out.model_fields else shown(job)
 
-    @router.delete(
-        f"/{plural}/{{id:key}}",
-        response_model=JobOut,
-        responses=problem_responses(404),
-        summary=f"Cancel one {words}",
-        tags=tags,
-    )
+    @router.delete(f"/{plural}/{{id:key}}", response_model=JobOut, summary=f"Cancel one {words}", **told)
     def cancel(here: Here, id: Name) -> dict[str, Any]:
         """Give it up where it still waits or runs; one that is over stays as it is. Its line in the list stays."""
         of_kind(here.store, id, kind)
