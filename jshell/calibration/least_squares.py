@@ -247,25 +247,18 @@ def step_by_step(
         look: From the unknowns to (free + 1, free + 1) the triangular factor of [J, r], NaN where there is none.
         start, low, high, max_steps, xtol, ftol: As in `levenberg_marquardt`.
     """
-    search = _start(start)
+    search = _start(start, 1e-3)
     while int(search.status) == RUNNING and int(search.count) < max_steps:
         search = _next(search, look(np.asarray(search.trial)), low, high, xtol, ftol)
     return _end(search, low, high)
 
 
-@jax.jit
-def _start(start) -> _Descent:
-    return _begun(start, 1e-3)
+_start, _end = jax.jit(_begun), jax.jit(_ended)
 
 
 @jax.jit
 def _next(search: _Descent, both, low, high, xtol, ftol) -> _Descent:
     return _judged(search, _triangle(both, both.shape[1] - 1), low, high, xtol, ftol)
-
-
-@jax.jit
-def _end(search: _Descent, low, high) -> SolverResult:
-    return _ended(search, low, high)
 
 
 @eqx.filter_jit

@@ -83,8 +83,8 @@ class Noise:
         """One line of a report."""
         kind = "taken as white" if self.correlated else "white"
         if self.memory:
-            worth = f"{self.effective:.0f} samples' worth" if self.effective >= 1.5 else "one sample's worth"
-            worth = worth if self.effective >= 1 else "worth less than one sample"
+            few = "worth less than one sample" if self.effective < 1 else "one sample's worth"
+            worth = few if self.effective < 1.5 else f"{self.effective:.0f} samples' worth"
             kind = f"autocorrelated, φ = {self.memory:.3f}: {worth}"
         return f"{self.channel}: lag-1 {self.lag1:+.3f} ({self.lag1_z:+.1f} σ), runs {self.runs_z:+.1f} σ; {kind}"
 

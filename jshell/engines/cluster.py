@@ -59,7 +59,7 @@ class Cluster(Executor):
         try:
             inner = self._inner.submit(partial(fn, *args, **kwargs))
         except self._closed as fault:
-            raise _lost(name, fault) from None
+            raise _loss(name, fault) from None
         outer: Future = Future()
         self._open.add(outer)
         outer.add_done_callback(lambda done: inner.cancel() if done.cancelled() else None)
@@ -67,7 +67,7 @@ class Cluster(Executor):
         # a client that is closing may have let go of all that it held before it held this one: nothing would end it
         if self._client.status in ("closing", "closed"):
             inner.cancel()
-            self._end(outer, _lost(name, CancelledError()))
+            self._end(outer, _loss(name, CancelledError()))
         return outer
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
@@ -87,7 +87,7 @@ class Cluster(Executor):
     def _finished(self, name: str, outer: Future, inner: Future) -> None:
         fault = CancelledError() if inner.cancelled() else inner.exception()
         if isinstance(fault, self._lost | CancelledError | OSError):
-            fault = _lost(name, fault)
+            fault = _loss(name, fault)
         self._end(outer, fault, None if fault is not None else inner.result())
 
     def _end(self, outer: Future, fault: BaseException | None, result: object = None) -> None:
@@ -104,7 +104,7 @@ class Cluster(Executor):
             outer.set_result(result)
 
 
-def _lost(name: str, fault: BaseException) -> WorkerLost:
+def _loss(name: str, fault: BaseException) -> WorkerLost:
     return WorkerLost(
         name,
         found=f"its worker or the scheduler was lost ({type(fault).__name__})",

@@ -150,7 +150,7 @@ class _Slot:
                 seen = self.store.notifier.count
                 job = self.store.lease(self.owner, self.settings.lease)
             except Exception as error:  # whatever an engine may say: without its slots the service would wait for ever
-                log.warning("not ready for a job: %s", error if isinstance(error, JshellError) else repr(error))
+                log.warning("not ready for a job: %s", error, exc_info=not isinstance(error, JshellError | OSError))
                 self.close()
                 self.worker.stopping.wait(BACKOFF[min(failures, len(BACKOFF) - 1)])
                 failures += 1

@@ -26,8 +26,8 @@ FINEST = 1e-6  # of a channel's scatter: what numbers of a file, or of a simulat
 TAKEN_AWAY = 0.3  # share of what two modes leave that a third must take where no description is complete
 ROUNDED = 0.35  # of a digitised channel's step: rms up to which what is left may be its rounding
 EQUAL = 4.0  # of χ²: two minima nearer than this are as good as each other
-UNRESOLVED = 12.8  # of χ², by chance one in two hundred: for a mode that beats with the first no more than
-BEATS = 1.5  # times: there are hardly other frequencies that it could have had
+UNRESOLVED = 12.8  # of χ² of three numbers, one in two hundred by chance: for a mode so near the first that it beats
+BEATS = 1.5  # times with it at most: there are hardly other frequencies that it could have had
 BLURRED = 0.1  # error of ω+ - ω- over itself up to which χ² is a parabola about two such modes, and errors are errors
 SURE = 1e-3  # relative error of ω+/ω- below which twice the slow frequency is no coincidence
 
@@ -211,7 +211,8 @@ def _blurred(two: SignalFit, elapsed: np.ndarray) -> list[str]:
     error = float(np.sqrt(max(slope @ C[:2, :2] @ slope, 0.0)))
     if apart * float(elapsed[-1]) > 2 * np.pi * BEATS or error <= BLURRED * apart:
         return []
-    return [f"ω+ - ω- = {apart:.2g} ± {error:.1g}: two modes hardly told apart, whose errors may be much larger"]
+    text = f"ω+ - ω- = {apart:.2g} ± {error:.1g}: two modes hardly told apart, whose errors may be much larger"
+    return [f"{text}; a longer or quieter record tells"]
 
 
 def _other_minima(endings: Sequence[SignalFit], noise, elapsed, values) -> list[str]:
