@@ -185,7 +185,6 @@ def _flat(modal: Modal, slopes: Modal, at_best: Modal, weighing: Weighing) -> tu
     moved = np.sum(weigh * slopes.shapes, axis=2, keepdims=True)
     shapes = modal.shapes / part
     turned = (slopes.shapes - shapes * moved) / part
-    count = len(slopes.rates)
     count, parts = len(slopes.rates), (np.real, np.imag)
     y = [*(of(modal.rates) for of in parts), *(of(shapes).ravel() for of in parts), modal.rest]
     dy = [*(of(slopes.rates) for of in parts), *(of(turned).reshape(count, -1) for of in parts)]
