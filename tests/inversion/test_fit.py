@@ -7,7 +7,9 @@ import jshell as js
 from jshell.calibration import Prior
 from jshell.errors import BadName, BadValue, Outcome, UnusableData
 from jshell.inversion import fit
+from jshell.inversion.model import Model
 from jshell.inversion.search import SearchResult
+from jshell.inversion.unknowns import Space
 
 TRUTH = {"youngs_modulus": 0.5e6, "gas_pressure": 0.5e6 * 0.15}
 
@@ -103,16 +105,17 @@ def test_a_start_that_leads_nowhere_is_not_the_only_one(make_recording):
     assert abs(found["youngs_modulus"].value - 0.5e6) < 4 * found["youngs_modulus"].stderr
 
 
-@pytest.mark.long
 def test_an_end_that_is_sought_on_may_cost_more_on_its_new_nodes(monkeypatch):
+    model = Model((), Space((), np.empty(0), np.empty(0), (), True, ()))
     before = SearchResult(np.zeros(1), [], [], 752.072, Outcome.NOT_CONVERGED)
     for cost, taken in ((752.091, True), (753.0, True), (900.0, False)):
         after = SearchResult(np.zeros(1), [], [], cost, Outcome.OK)
         monkeypatch.setattr(fit, "minimise", lambda *_, after=after, **__: after)
-        endings = fit._brought_to_rest(None, [before], [])  # pyright: ignore[reportArgumentType]
+        endings = fit._brought_to_rest(model, [before], [])
         assert (endings[0].outcome == Outcome.OK) == taken
 
 
+@pytest.mark.long
 def test_the_remedy_of_an_inversion_speaks_of_unknowns(make_recording):
     unknown, options = SETS["everything of one record"]
     found = invert(make_recording(), unknown, **options)
