@@ -141,6 +141,15 @@ def forcing(
     return parts[0] if len(parts) == 1 else jshell.oscillator.Sum(tuple(parts))
 
 
+def wall_loss(
+    wall_dilatation: WallDilatation = None, retardation: Retardation = None
+) -> "jshell.membrane.WallLoss | None":
+    """The wall's own loss as the options describe it; None without them."""
+    if wall_dilatation is None and retardation is None:
+        return None
+    return jshell.membrane.WallLoss(dilatation=wall_dilatation or 0.0, retardation=retardation or 0.0)
+
+
 def losses(
     stokes: Stokes = None,
     stokes_frequency: StokesFrequency = None,
@@ -159,7 +168,7 @@ def losses(
     """
     from jshell.dynamics.losses import STOKES  # help need not wait for it
 
-    frequency, dilatation = stokes_frequency, wall_dilatation
+    frequency = stokes_frequency
     chosen = stokes if stokes is not None else ("memory" if frequency is None else "frequency")
     choose("--stokes", chosen, STOKES, remedy="memory is usual.")
     if (chosen == "frequency") != (frequency is not None):
@@ -169,8 +178,6 @@ def losses(
             expected="a frequency with --stokes frequency, and only there",
             remedy="1.2 is near the first modes of R.",
         )
-    loss = None
-    if dilatation is not None or retardation is not None:
-        loss = jshell.membrane.WallLoss(dilatation=dilatation or 0.0, retardation=retardation or 0.0)
+    loss = wall_loss(wall_dilatation, retardation)
     drag = jshell.oscillator.Reynolds() if reynolds else None
     return jshell.dynamics.Losses(chosen, frequency=frequency, order=order, bulk=bulk, wall=loss, drag=drag)

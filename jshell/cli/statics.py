@@ -11,6 +11,7 @@ import typer
 import jshell
 from jshell.cli.constants import with_masses
 from jshell.cli.destinations import drawable
+from jshell.cli.driving import wall_loss
 from jshell.cli.output import Json, finish, judged, log, say, speaking, table
 from jshell.cli.problem import Case, with_conditions, with_options
 from jshell.errors import BadValue, Outcome
@@ -239,12 +240,7 @@ def branch(
     finish(outcome if loss is None or outcome != Outcome.OK else loss.outcome)
 
 
-@speaking
-@with_conditions
-@with_shape
-def modes(
-    problem: Case,
-    shape: ShapeOptions,
+def liquid_said(
     liquid: Annotated[
         str | None,
         typer.Option(
@@ -257,6 +253,25 @@ def modes(
         bool | None,
         typer.Option("--stokes-layer/--no-stokes-layer", help="Deprecated: --liquid layer, --liquid ideal."),
     ] = None,
+) -> str | None:
+    """The liquid that the options say, the deprecated one among them."""
+    if stokes_layer is None:
+        return liquid
+    liquid = "layer" if stokes_layer else "ideal"
+    log(f"--{'' if stokes_layer else 'no-'}stokes-layer is now --liquid {liquid}; the default is exact")
+    return liquid
+
+
+@speaking
+@with_conditions
+@with_shape
+@with_options(liquid_said, "liquid")
+@with_options(wall_loss, "loss")
+def modes(
+    problem: Case,
+    shape: ShapeOptions,
+    liquid: str | None,
+    loss: "jshell.membrane.WallLoss | None",
     count: Annotated[int, typer.Option("--count", help="How many modes.")] = 4,
     azimuth: Annotated[
         str | None,
@@ -268,13 +283,12 @@ def modes(
     as_json: Json = False,
 ) -> None:
     """Small vibrations about the rest shape: frequencies, decay times, what of a recording sees them."""
-    if stokes_layer is not None:
-        liquid = "layer" if stokes_layer else "ideal"
-        log(f"--{'' if stokes_layer else 'no-'}stokes-layer is now --liquid {liquid}; the default is exact")
     if liquid != "ideal":
         problem.needs_viscosity()
     orders = [0] if azimuth is None else whole_numbers("--azimuth", azimuth)
-    found = jshell.dynamics.modes(problem.conditions, azimuth=orders, count=count, liquid=liquid, **shape.keywords())
+    found = jshell.dynamics.modes(
+        problem.conditions, azimuth=orders, count=count, liquid=liquid, wall_loss=loss, **shape.keywords()
+    )
     if liquid is None and found.around is not None:
         log("orders above 0: the liquid is a Stokes layer to second order, right to 0.7 % in tau at eta_hat = 0.004")
     outcome = Outcome(int(found.worst))

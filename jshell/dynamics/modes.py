@@ -21,7 +21,7 @@ from jshell.dynamics.azimuthal import LIQUID_AROUND, check_count, check_order_li
 from jshell.dynamics.roots import Liquid, check_liquid
 from jshell.dynamics.vibrations import Modes, vibrations
 from jshell.errors import BadValue, RangeWarning
-from jshell.membrane import rest
+from jshell.membrane import WallLoss, rest
 from jshell.membrane.energy import Area
 from jshell.membrane.equilibrium import raise_unless_ok
 from jshell.membrane.rest import ELEMENTS, Branch, RestOptions
@@ -37,6 +37,7 @@ def modes(
     azimuth: None = None,
     count: int = 4,
     liquid: Liquid | str | None = None,
+    wall_loss: WallLoss | None = None,
     stokes_layer: bool | None = None,
     throw: bool = False,
     **shape: Unpack[RestOptions],
@@ -50,6 +51,7 @@ def modes(
     azimuth: int | Sequence[int],
     count: int = 4,
     liquid: Liquid | str | None = None,
+    wall_loss: WallLoss | None = None,
     throw: bool = False,
     **shape: Unpack[RestOptions],
 ) -> AllModes: ...
@@ -61,6 +63,7 @@ def modes(
     azimuth: int | Sequence[int] | None = None,
     count: int = 4,
     liquid: Liquid | str | None = None,
+    wall_loss: WallLoss | None = None,
     stokes_layer: bool | None = None,
     branch: Branch | str = "buckled",
     elements: int = ELEMENTS,
@@ -80,6 +83,7 @@ def modes(
             of the work and right to 0.6 % in τ at η̂ = 0.004, 2 % at 0.013; `layer`, to first order, which makes τ
             a fifth too long at η̂ = 0.004; `ideal`, without viscosity. By default `exact` for m = 0 and `second`
             for m >= 1, where the exact one is not known.
+        wall_loss: What the wall loses itself, of m = 0; with it a mode's decay is that of liquid and wall together.
         stokes_layer: Deprecated: True is `layer`, False is `ideal`.
         branch, elements, attached, weak_spot, area: As in `jshell.membrane.rest`.
         throw: Raise `NotOk` unless rest shape and all modes are ok (outside `jit` only).
@@ -87,7 +91,7 @@ def modes(
     Raises:
         BadName: No such liquid; `exact` asked for m >= 1.
         BadValue: `count` is not between 1 and a quarter of the coordinates (m = 0) or of the elements (m >= 1); an
-            order is not a whole number from 0 to 40.
+            order is not a whole number from 0 to 40; `wall_loss` asked for m >= 1.
 
     Warns:
         RangeWarning: A Stokes layer too thick for `layer` (0.1 R0) or `second` (0.25 R0), with the exact modes; or,
@@ -113,6 +117,7 @@ def modes(
     around = LIQUID_AROUND if liquid is None else liquid
     check_liquid(along)
     if beyond:
+        _refuse_wall_loss(wall_loss, beyond)
         check_order_liquid(around)
         check_count(count, elements)
     if not 1 <= count <= elements // 2:
@@ -123,19 +128,29 @@ def modes(
     state = rest(
         conditions, branch=branch, elements=elements, attached=attached, weak_spot=weak_spot, area=area, throw=throw
     )
-    axial = vibrations(state, conditions, count, along, area) if 0 in orders else None
+    axial = vibrations(state, conditions, count, along, area, wall_loss) if 0 in orders else None
     others = orders_about(state, beyond, count, around) if beyond else None
     found = AllModes(axial, others)
     if throw:
         raise_unless_ok("modes", found.worst)
     if axial is not None:
-        _warn_of_thick_layer(axial, conditions, along, area)
+        _warn_of_thick_layer(axial, conditions, along, area, wall_loss)
     if others is not None:
         warn_of_thick_order(others, around)
     return axial if azimuth is None and axial is not None else found
 
 
-def _warn_of_thick_layer(found: Modes, conditions: Reduced, liquid: str, area: Area | str) -> None:
+def _refuse_wall_loss(loss: WallLoss | None, orders: Sequence[int]) -> None:
+    if loss is not None:
+        raise BadValue(
+            "wall_loss", found=f"a loss of the wall and order m = {orders[0]}", expected="m = 0 alone",
+            remedy="Leave out azimuth or wall_loss: around the axis the wall's loss is not known.",
+        )  # fmt: skip
+
+
+def _warn_of_thick_layer(
+    found: Modes, conditions: Reduced, liquid: str, area: Area | str, loss: WallLoss | None
+) -> None:
     """Warn where the layer is too thick for its series, with the exact modes beside (one concrete shell only)."""
     omega, viscosity = jax.lax.stop_gradient((found.omega, conditions.viscosity))
     if liquid not in THICKEST or isinstance(omega, Tracer) or isinstance(viscosity, Tracer) or np.ndim(viscosity):
@@ -143,7 +158,7 @@ def _warn_of_thick_layer(found: Modes, conditions: Reduced, liquid: str, area: A
     thickest = float(np.max(np.sqrt(2 * float(viscosity) / np.nan_to_num(np.asarray(omega), nan=np.inf))))
     if thickest <= THICKEST[liquid]:
         return
-    exact = vibrations(jax.lax.stop_gradient(found.rest), conditions, min(2, omega.shape[0]), "exact", area)
+    exact = vibrations(jax.lax.stop_gradient(found.rest), conditions, min(2, omega.shape[0]), "exact", area, loss)
     beside = [
         f"tau {row.tau:.3g}, " + (f"omega {row.omega:.3g}" if row.omega is not None else row.outcome)
         for row in exact.table()

@@ -10,11 +10,13 @@ cut of √s, which overdamped pairs approach, is at its border.
     second   K + s² M + s^{3/2} √η̂ G + s η̂ D
     exact    K + s Z(s)
 
+and s C beside each where the wall loses energy itself.
+
 Newton's bordered step finds σ and v together; with the matrices of the shape
 differentiable and the rest frozen, one more step carries the exact derivative
 ds/dp = -vᵀ(∂F/∂p)v / vᵀF'v.
 
-Symbols    s = -1/τ + iΩ rate [1/time]   M, G, D added mass, slip matrix, second order   F = K + s Z
+Symbols    s = -1/τ + iΩ rate [1/time]   M, G, D added mass, slip matrix, second order   C wall   F = K + s Z
 Valid for  small amplitude; layer η̂ << 1, second η̂ < 0.03, exact any η̂
 Source     Mehrmann and Voss 2004 for Newton on a nonlinear eigenproblem; `jshell.flow` for the impedances
 """
@@ -28,7 +30,7 @@ from jaxtyping import Array, Bool, Complex, Float, Int
 
 from jshell.errors import choose
 from jshell.flow import ViscousLiquid, flow, impedance, second_resistance, slip_matrix, viscous_liquid
-from jshell.membrane import RestShape, stiffness, wall
+from jshell.membrane import RestShape, WallLoss, stiffness, wall, wall_resistance
 from jshell.membrane.energy import Area
 from jshell.shell.elasticity import Scalar
 from jshell.shell.parameters import Reduced
@@ -53,7 +55,7 @@ GROWTH, LEAST_GROWTH = 2.0, 1.01  # of √η̂ from step to step: the boldest tr
 class ShellMatrices(NamedTuple):
     """Stiffness, added mass, slip matrix and second order of a rest shape on its free coordinates; the translation.
 
-    `liquid` is what the exact impedance needs, or None.
+    `liquid` is what the exact impedance needs, or None; `C` the wall's own resistance, or None.
     """
 
     K: Float[Array, "free free"]
@@ -63,6 +65,7 @@ class ShellMatrices(NamedTuple):
     shift: Float[Array, "free"]
     free: Int[Array, "free"]
     liquid: ViscousLiquid | None
+    C: Float[Array, "free free"] | None = None
 
 
 class Roots(NamedTuple):
@@ -79,18 +82,24 @@ def check_liquid(liquid: str) -> None:
 
 
 def matrices(
-    state: RestShape, conditions: Reduced, liquid: Liquid | str, area: Area | str = "current"
+    state: RestShape,
+    conditions: Reduced,
+    liquid: Liquid | str,
+    area: Area | str = "current",
+    loss: WallLoss | None = None,
 ) -> ShellMatrices:
     """What the roots of a rest shape in a liquid need; matrices that the liquid does not know are zero."""
     shape, q = state.meridian, state.coordinates
     current = flow(shape, q)
-    K = stiffness(shape, q, wall(shape, conditions, state.profile), conditions, area)
+    elastic = wall(shape, conditions, state.profile)
+    K = stiffness(shape, q, elastic, conditions, area)
     none = jnp.zeros_like(K)
     G = slip_matrix(shape, current) if liquid != "ideal" else none
     D = second_resistance(shape, current) if liquid in ("second", "exact") else none
     pick = lambda full: full[shape.active][:, shape.active]  # noqa: E731
     exact = viscous_liquid(shape, q, current) if liquid == "exact" else None
-    return ShellMatrices(pick(K), pick(current.mass), pick(G), pick(D), shape.free(shape.shift), shape.active, exact)
+    C = None if loss is None else pick(wall_resistance(shape, q, elastic, loss))
+    return ShellMatrices(pick(K), pick(current.mass), pick(G), pick(D), shape.free(shape.shift), shape.active, exact, C)
 
 
 def roots(parts: ShellMatrices, viscosity: Scalar, count: int) -> Roots:
@@ -138,7 +147,13 @@ def undamped(parts: ShellMatrices, count: int) -> tuple[Float[Array, "modes"], F
 
 def _series(parts: ShellMatrices, root: Scalar, sigma: Complex[Array, ""]) -> Complex[Array, "free free"]:
     """F by orders of the layer; `root` is √η̂."""
-    return parts.K + sigma**4 * parts.M + sigma**3 * root * parts.G + (sigma * root) ** 2 * parts.D
+    solid = _solid(parts, sigma)
+    return solid + sigma**4 * parts.M + sigma**3 * root * parts.G + (sigma * root) ** 2 * parts.D
+
+
+def _solid(parts: ShellMatrices, sigma: Complex[Array, ""]) -> Array:
+    """What of F is the wall's and the gas's."""
+    return parts.K if parts.C is None else parts.K + sigma**2 * parts.C
 
 
 def _dynamic_stiffness(parts: ShellMatrices, root: Scalar, sigma: Complex[Array, ""]) -> Complex[Array, "free free"]:
@@ -148,7 +163,7 @@ def _dynamic_stiffness(parts: ShellMatrices, root: Scalar, sigma: Complex[Array,
     decay = sigma / root
     thin = jax.lax.stop_gradient(jnp.abs(decay)) > THINNEST
     Z = impedance(parts.liquid, jnp.where(thin, THINNEST, decay))[parts.free][:, parts.free]
-    return jnp.where(thin, _series(parts, root, sigma), parts.K + (sigma * root) ** 2 * Z)
+    return jnp.where(thin, _series(parts, root, sigma), _solid(parts, sigma) + (sigma * root) ** 2 * Z)
 
 
 def _linearised(
@@ -172,13 +187,13 @@ def _normed(sigma, v):
 
 
 def switched_on(parts: ShellMatrices, root: Scalar, sigma, v):
-    """A root of the series, from no viscosity to all of it in equal steps of √η̂."""
-    plain = parts._replace(liquid=None)
+    """A root of the series, from no viscosity to all of it in equal steps of √η̂, the wall's along with it."""
 
     def step(carry, fraction):
+        thinned = parts._replace(liquid=None, C=None if parts.C is None else fraction**2 * parts.C)
         for _ in range(NEWTON_STEPS):
             sigma, v = _normed(*carry)
-            F, slope = _linearised(plain, fraction * root, sigma)
+            F, slope = _linearised(thinned, fraction * root, sigma)
             carry = _stepped(F, slope, F @ v, sigma, v)
         return carry, None
 

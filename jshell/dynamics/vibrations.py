@@ -4,8 +4,8 @@ A shell in a liquid at rest rings with complex rates s and shapes v,
 
     (K + s Z(s)) v = 0,   s = -1/τ + iΩ ,
 
-Z the impedance of the liquid: exact at any viscosity, or by orders of a thin
-Stokes layer. Modes are numbered as the undamped ones they are followed from.
+Z the impedance of the liquid, exact at any viscosity or by orders of a thin
+Stokes layer, and of a wall that loses energy itself. Modes are numbered as the undamped ones they are followed from.
 
 Symbols    ω = |s| intrinsic frequency   Ω damped frequency   τ decay time   dV, dS mode's change of V and S
 Valid for  small amplitude; `second` and `layer` for a layer thin against the shell
@@ -24,7 +24,7 @@ from jshell.contour import area, volume
 from jshell.display import FREQUENCY, TIME, ended, number, readable, shown
 from jshell.dynamics.roots import Liquid, Roots, ShellMatrices, matrices, roots
 from jshell.errors import Outcome
-from jshell.membrane import RestShape
+from jshell.membrane import RestShape, WallLoss
 from jshell.membrane.energy import Area
 from jshell.shell.parameters import Reduced
 from jshell.undetermined import undetermined
@@ -107,9 +107,12 @@ class Modes(eqx.Module):
 
 
 @eqx.filter_jit
-def vibrations(state: RestShape, conditions: Reduced, count: int, liquid: Liquid | str, area: Area | str) -> Modes:
+def vibrations(
+    state: RestShape, conditions: Reduced, count: int, liquid: Liquid | str, area: Area | str,
+    loss: WallLoss | None = None,
+) -> Modes:  # fmt: skip
     """Small vibrations about a given rest shape."""
-    parts = matrices(state, conditions, liquid, area)
+    parts = matrices(state, conditions, liquid, area, loss)
     viscosity = jnp.zeros(()) if liquid == "ideal" else conditions.viscosity
     found = roots(parts, viscosity, count)
     # two paths that ended on one root: one of the modes was lost

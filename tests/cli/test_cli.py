@@ -79,6 +79,9 @@ def test_modes_are_ascending_and_have_no_decay_without_loss(monkeypatch):
     free = answer(monkeypatch, *words, "--liquid", "ideal")["modes"]
     assert [mode["omega"] for mode in free] == pytest.approx([1.190, 1.981, 2.931, 4.269], rel=1e-3)
     assert [mode["tau"] for mode in free] == [None] * 4
+    lossy = answer(monkeypatch, *words, "--liquid", "ideal", "--retardation", "0.02")["modes"]
+    # the dense solver's of tests/dynamics/test_modes.py
+    assert [mode["tau"] for mode in lossy[:2]] == pytest.approx([40.61, 17.00], rel=2e-3)
     damped = answer(monkeypatch, *words)["modes"]
     for mode in damped:
         assert mode["omega"] == pytest.approx(np.hypot(mode["Omega"], 1 / mode["tau"]))
