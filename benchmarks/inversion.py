@@ -24,6 +24,7 @@ import jshell as js
 from jshell.inversion.response import (
     BLUNT,
     DIRECTIONS,
+    FIELDS,
     SHARP,
     liquids_program,
     mesh,
@@ -46,7 +47,7 @@ def shell(generator: np.random.Generator) -> tuple[np.ndarray, tuple]:
         gas, above = generator.uniform([0.5, 1.02], [2.0, 1.10])
         pad = generator.uniform(0.2, 0.45) * (generator.uniform() < 0.5)
         outer = above * float(buckling_load(Reduced(d, gas, 2.0)))
-        numbers = jnp.array([d, gas, outer, viscosity, 1.4, 0.5, pad, 0.0])
+        numbers = jnp.array([d, gas, outer, viscosity, 1.4, 0.5, pad, 0.0, 0.0])
         if (found := ringing(numbers)) is not None:
             return np.asarray(numbers), found
 
@@ -64,7 +65,8 @@ def ringing(numbers) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     edge, ends, lengths = mesh(ELEMENTS, held).edge or 0, [], []
     for ratio in (SHARP, BLUNT):
         near = sharpening_program(ELEMENTS)(plain, jnp.asarray(ratio))
-        if (end := three(response_program(ELEMENTS, held)(numbers, jnp.zeros((DIRECTIONS, 8)), near)[0])) is None:
+        still = jnp.zeros((DIRECTIONS, len(FIELDS)))
+        if (end := three(response_program(ELEMENTS, held)(numbers, still, near)[0])) is None:
             return None
         ends.append(end)
         lengths.append(float(near.nodes[edge] - near.nodes[edge - 1]))

@@ -21,7 +21,7 @@ import scipy.stats
 import jshell as js
 from jshell.calibration import Prior
 from jshell.inversion.model import ELEMENTS
-from jshell.inversion.response import DIRECTIONS, response_program, standing_program
+from jshell.inversion.response import DIRECTIONS, FIELDS, response_program, standing_program
 from jshell.shell import Gas, Liquid, Load, Reduced, Shell, scales
 
 RADIUS, THICKNESS, LIQUID, OUTER = 0.0225, 0.22 * 0.0225, Liquid(1260.0, 1.06), 187e3
@@ -47,9 +47,9 @@ def record(generator: np.random.Generator, truth: dict[str, float]) -> js.Trace 
     """H and W of its ring-down; None where there is no such shell."""
     shell = Shell(RADIUS, THICKNESS, truth["youngs_modulus"])
     c, unit = Reduced.from_si(shell, Gas(truth["gas_pressure"]), LIQUID, Load(OUTER)), scales(shell, LIQUID)
-    numbers = jnp.array([c.thickness, c.gas_pressure, c.outer_pressure, c.viscosity, 1.4, 0.5, 0.0, 0.0], float)
+    numbers = jnp.array([c.thickness, c.gas_pressure, c.outer_pressure, c.viscosity, 1.4, 0.5, *np.zeros(3)], float)
     near = standing_program(ELEMENTS, False)(numbers)
-    found = response_program(ELEMENTS, False)(numbers, jnp.zeros((DIRECTIONS, 8)), near)[0]
+    found = response_program(ELEMENTS, False)(numbers, jnp.zeros((DIRECTIONS, len(FIELDS))), near)[0]
     if int(near.outcome) or np.any(np.asarray(found.outcome)[:2]):
         return None
     rates, shapes, rest = (np.asarray(part) for part in found[:3])

@@ -121,23 +121,23 @@ class Model:
         """The shell of recording k at rest, on nodes that do not crowd at a pad's edge."""
         seen, _ = self.seen(k, u)
         self.calls += 1
-        return standing_program(self.elements, bool(seen.numbers[6] > 0))(jnp.asarray(seen.numbers))
+        return standing_program(self.elements, seen.held)(jnp.asarray(seen.numbers))
 
     def sharpened(self, k: int, u: np.ndarray, near: Standing, ratio: float = SHARP) -> Standing:
         """The same on nodes that do, neighbours of a ratio; of a free shell as it is."""
-        if not self.seen(k, u)[0].numbers[6] > 0:
+        if not self.seen(k, u)[0].held:
             return near
         return sharpening_program(self.elements)(near, jnp.asarray(ratio))
 
     def edge(self, k: int, u: np.ndarray) -> int | None:
         """The node at the edge of the pad of recording k; None of a free shell."""
-        return mesh(self.elements, bool(self.seen(k, u)[0].numbers[6] > 0)).edge
+        return mesh(self.elements, self.seen(k, u)[0].held).edge
 
     def modal(self, k: int, u: np.ndarray, near: Standing) -> tuple[Modal, Modal, np.ndarray]:
         """All modes of recording k in the record's units, their derivatives by u, and how finding each ended."""
         seen, mine = self.seen(k, u)
         slopes = [seen.slope(self.space.names[i].partition("[")[0]) for i in mine]
-        program = response_program(self.elements, bool(seen.numbers[6] > 0))
+        program = response_program(self.elements, seen.held, seen.lossy)
         changes = []
         for at in range(0, max(len(mine), 1), DIRECTIONS):
             tangents = np.zeros((DIRECTIONS, len(FIELDS)))
@@ -153,7 +153,7 @@ class Model:
         """All modes of recording k in the liquid of second order and in the exact one, and how finding each ended."""
         seen, _ = self.seen(k, u)
         self.calls += 1
-        both = liquids_program(self.elements, bool(seen.numbers[6] > 0))(jnp.asarray(seen.numbers), near)
+        both = liquids_program(self.elements, seen.held, seen.lossy)(jnp.asarray(seen.numbers), near)
         second, exact = (self._in_units(k, seen, one) for one in both)
         return second, exact, np.max([np.asarray(one.outcome).astype(int) for one in both], axis=0)
 

@@ -22,7 +22,7 @@ from jshell.dynamics import Losses
 from jshell.dynamics.motion import Loads
 from jshell.dynamics.run import CHANNELS, RADIUS, Pace, Schedule, Setup, begin, go_on
 from jshell.errors import Outcome
-from jshell.inversion.response import QUICKLY, SPOT_WIDTH, conditions_of, mesh
+from jshell.inversion.response import PAD, QUICKLY, RETARDATION, SPOT, SPOT_WIDTH, conditions_of, loss_of, mesh
 
 EVERY = 0.1  # [time unit] between samples: a cubic through them errs by 1e-4 of a swing at ω = 4
 PIECE = 40  # samples that one call takes
@@ -74,7 +74,7 @@ def run(
         report: Called with the share that is done, now and then.
     """
     count = PIECE * int(np.ceil((np.ceil(length / EVERY) + SPARE) / PIECE))
-    first, go = programs(elements, bool(numbers[6] > 0), inner)
+    first, go = programs(elements, bool(numbers[PAD] > 0), inner, bool(numbers[RETARDATION] > 0))
     fields, directions = jnp.asarray(numbers), jnp.asarray(tangents)
     at_start = np.zeros(1)
     state, rest, sample = first(fields, directions, load.value(at_start)[0], load.change(at_start)[:, 0])
@@ -95,13 +95,14 @@ def run(
 
 
 @lru_cache(maxsize=8)
-def programs(elements: int, held: bool, inner: int) -> tuple[Callable[..., Any], Callable[..., Any]]:
+def programs(elements: int, held: bool, inner: int, lossy: bool) -> tuple[Callable[..., Any], Callable[..., Any]]:
     """Compiled: how a run begins, and a piece of it, each with its changes along directions."""
-    base, losses, pace = mesh(elements, held), Losses(), Pace(EVERY, inner, False, False)
+    base, pace = mesh(elements, held), Pace(EVERY, inner, False, False)
 
     def setup(numbers) -> Setup:
-        shape = with_pad(base, numbers[6]) if held else base
-        profile = thinned(shape, numbers[7], jnp.asarray(SPOT_WIDTH))
+        shape = with_pad(base, numbers[PAD]) if held else base
+        profile = thinned(shape, numbers[SPOT], jnp.asarray(SPOT_WIDTH))
+        losses = Losses(wall=loss_of(numbers, lossy))
         return Setup(shape, profile, None, conditions_of(numbers), losses, jnp.asarray(0.0), "current")
 
     def start(numbers, pressure):

@@ -111,7 +111,7 @@ def usual(model: Model, u: np.ndarray) -> list[dict[str, Any]]:
     first = model.recordings[0]
     count, pressure = first.times.size, model.space.known[0].get("outer_pressure")
     found: list[dict[str, Any]] = [{}, {"samples": 2 * count}, {"samples": 2 * count, "length": 2.0}]
-    held = float(model.seen(0, u)[0].numbers[6]) > 0  # where nothing holds a shell its poles have no origin
+    held = model.seen(0, u)[0].held  # where nothing holds a shell its poles have no origin
     found += [{"channels": name} for name in ("H", "W", tuple(ACROSS), "V", "S", *(["x_front"] if held else []), ECHO)]
     return found + ([] if pressure is None else [{"outer_pressure": share * pressure} for share in PRESSURES])
 

@@ -1,8 +1,9 @@
 """How a shell at rest rings: rates, how each mode moves every channel, and where the channels rest; with derivatives.
 
-One compiled program serves every shell that has as many elements and a pad or none: thickness, pressures, viscosity,
-exponents, the pad's size and the weak spot are its arguments. What the program has found carries its derivative
-by the implicit function theorem, the pad's by nodes that stretch along with it.
+One compiled program serves every shell that has as many elements, a pad or none, and a wall with losses or without:
+thickness, pressures, viscosity, exponents, the pad's size, the weak spot and the wall's retardation are its arguments.
+What the program has found carries its derivative by the implicit function theorem, the pad's by nodes that stretch
+along with it.
 
 Symbols    s = -1/τ + iΩ rate [1/time]   φ change of a channel along a mode   θ* angle of an extremum [rad]
 Valid for  small vibrations; liquid `second`: η̂ < 0.03, `exact`: any
@@ -24,14 +25,16 @@ from jshell.contour.splines import ParitySplines
 from jshell.dynamics.roots import matrices, roots
 from jshell.dynamics.vibrations import RESIDUAL
 from jshell.errors import Outcome
-from jshell.membrane import stiffness, wall
+from jshell.membrane import WallLoss, stiffness, wall
 from jshell.membrane.equilibrium import RestShape, cached_meridian, find, settle
 from jshell.membrane.newton import pinned, pinned_energy
 from jshell.shell.parameters import Reduced
 
 FIELDS = (
     "thickness", "gas_pressure", "outer_pressure", "viscosity", "kappa", "poisson_ratio", "pad", "weak_spot",
+    "retardation",
 )  # fmt: skip
+PAD, SPOT, RETARDATION = 6, 7, 8  # places among the fields; before them those of `Reduced`
 ECHO = "p_scattered"  # far away, times distance
 ACROSS = {"W_25": 0.25, "W_50": 0.5, "W_75": 0.75}  # widths, and the shares of the height that they are taken at
 CHANNELS = ("H", "W", "V", "S", "x_front", "x_back", ECHO, *ACROSS)
@@ -72,7 +75,12 @@ def plain_mesh(elements: int, held: bool) -> Meridian:
 
 def conditions_of(numbers: Float[Array, "fields"]) -> Reduced:
     """The problem among the arguments."""
-    return Reduced(*(numbers[k] for k in range(6)))
+    return Reduced(*(numbers[k] for k in range(PAD)))
+
+
+def loss_of(numbers: Float[Array, "fields"], lossy: bool) -> WallLoss | None:
+    """What the wall loses itself, of a shell that was said to."""
+    return WallLoss(retardation=numbers[RETARDATION]) if lossy else None
 
 
 class Standing(NamedTuple):
@@ -89,8 +97,8 @@ def standing_program(elements: int, held: bool) -> Callable[[Any], Standing]:
     base = plain_mesh(elements, held)
 
     def standing(numbers):
-        spot = numbers[7], jnp.asarray(SPOT_WIDTH)
-        found = find(with_pad(base, numbers[6]), conditions_of(numbers), spot, "buckled", "current", None, True)
+        spot = numbers[SPOT], jnp.asarray(SPOT_WIDTH)
+        found = find(with_pad(base, numbers[PAD]), conditions_of(numbers), spot, "buckled", "current", None, True)
         return Standing(found.meridian.nodes, found.coordinates - found.meridian.sphere, found.outcome)
 
     return jax.jit(standing, compiler_options=QUICKLY)
@@ -110,7 +118,9 @@ def sharpening_program(elements: int) -> Callable[[Standing, Any], Standing]:
 
 
 @lru_cache(maxsize=8)
-def response_program(elements: int, held: bool) -> Callable[..., tuple[ModalResponse, ModalResponse]]:
+def response_program(
+    elements: int, held: bool, lossy: bool = False
+) -> Callable[..., tuple[ModalResponse, ModalResponse]]:
     """Compiled: the response of a shell near another one, and its change along tangents; the liquid to second order.
 
     Its arguments are numbers (fields,), tangents (DIRECTIONS, fields) and a `Standing`. On given nodes it is a smooth
@@ -119,7 +129,7 @@ def response_program(elements: int, held: bool) -> Callable[..., tuple[ModalResp
     base = mesh(elements, held)
 
     def response(numbers, tangents, near):
-        at = lambda x: _response(x, near, base, (SEARCHED,))[0]  # noqa: E731
+        at = lambda x: _response(x, near, base, (SEARCHED,), lossy)[0]  # noqa: E731
         push = lambda direction: jax.jvp(at, (numbers,), (direction,))  # noqa: E731
         return jax.vmap(push, out_axes=(None, 0))(tangents)
 
@@ -127,28 +137,33 @@ def response_program(elements: int, held: bool) -> Callable[..., tuple[ModalResp
 
 
 @lru_cache(maxsize=8)
-def liquids_program(elements: int, held: bool) -> Callable[..., tuple[ModalResponse, ModalResponse]]:
+def liquids_program(
+    elements: int, held: bool, lossy: bool = False
+) -> Callable[..., tuple[ModalResponse, ModalResponse]]:
     """Compiled: the response in the liquid of second order and in the exact one, on the plain mesh.
 
     The exact liquid's waves are not resolved by elements that shrink quickly.
     """
     base = plain_mesh(elements, held)
-    both = lambda numbers, near: _response(numbers, near, base, ("second", "exact"))  # noqa: E731
+    both = lambda numbers, near: _response(numbers, near, base, ("second", "exact"), lossy)  # noqa: E731
     return jax.jit(both, compiler_options=QUICKLY)
 
 
 def _response(
-    numbers: Float[Array, "fields"], near: Standing, base: Meridian, liquids: tuple[str, ...]
+    numbers: Float[Array, "fields"], near: Standing, base: Meridian, liquids: tuple[str, ...], lossy: bool
 ) -> tuple[ModalResponse, ...]:
     conditions = conditions_of(numbers)
-    shape = with_pad(base, numbers[6], near.nodes)
-    profile = thinned(shape, numbers[7], jnp.asarray(SPOT_WIDTH))
+    shape = with_pad(base, numbers[PAD], near.nodes)
+    profile = thinned(shape, numbers[SPOT], jnp.asarray(SPOT_WIDTH))
     rest = _at_rest(shape, conditions, profile, near)
-    return tuple(_in_liquid(shape, rest, conditions, liquid) for liquid in liquids)
+    loss = loss_of(numbers, lossy)
+    return tuple(_in_liquid(shape, rest, conditions, liquid, loss) for liquid in liquids)
 
 
-def _in_liquid(shape: Meridian, rest: RestShape, conditions: Reduced, liquid: str) -> ModalResponse:
-    found = roots(matrices(rest, conditions, liquid), conditions.viscosity, MODES)
+def _in_liquid(
+    shape: Meridian, rest: RestShape, conditions: Reduced, liquid: str, loss: WallLoss | None
+) -> ModalResponse:
+    found = roots(matrices(rest, conditions, liquid, loss=loss), conditions.viscosity, MODES)
     v = jnp.zeros((MODES, shape.sphere.shape[0]), complex).at[:, shape.active].set(found.vectors)
     values, along = _channels(shape, rest.coordinates, v, found.s)
     lost = ~(found.residual < RESIDUAL)

@@ -21,15 +21,16 @@ from scipy.interpolate import CubicSpline
 
 from jshell.calibration.noise import whiten
 from jshell.contour import WeakSpot
-from jshell.dynamics import simulate
+from jshell.dynamics import Losses, simulate
 from jshell.errors import BadValue, Outcome
 from jshell.inversion import motion
 from jshell.inversion.kept import Arrays, Kept
 from jshell.inversion.model import Model, Weighing
 from jshell.inversion.projection import Projection
 from jshell.inversion.recording import POWER, Recording
-from jshell.inversion.response import FIELDS, SPOT_WIDTH, Standing
+from jshell.inversion.response import FIELDS, PAD, RETARDATION, SPOT, SPOT_WIDTH, Standing
 from jshell.inversion.unknowns import Seen, plain
+from jshell.membrane import WallLoss
 from jshell.pressure import Ramp, Recorded
 from jshell.shell.parameters import Reduced
 
@@ -234,9 +235,10 @@ class SnapModel(Model):
         numbers = [float(x) for x in seen.numbers]
         length = self._length(k, seen) + motion.SPARE * motion.EVERY
         found = simulate(
-            Reduced(*numbers[:6]), duration=length, every=motion.EVERY, pressure=law,
-            elements=round(FINER * self.elements), attached=numbers[6], weak_spot=WeakSpot(numbers[7], SPOT_WIDTH),
-            step=self.snap.step / FINER,
+            Reduced(*numbers[:PAD]), duration=length, every=motion.EVERY, pressure=law,
+            elements=round(FINER * self.elements), attached=numbers[PAD],
+            weak_spot=WeakSpot(numbers[SPOT], SPOT_WIDTH), step=self.snap.step / FINER,
+            losses=Losses(wall=WallLoss(retardation=numbers[RETARDATION]) if seen.lossy else None),
         )  # fmt: skip
         channels = np.stack([np.asarray(found[name]) for name in motion.CHANNELS], axis=1)
         if int(found.outcome):

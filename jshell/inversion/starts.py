@@ -24,6 +24,7 @@ from jshell.inversion.unknowns import LENGTH, POWERS, TIME, Space, plain
 from jshell.shell.rest import plateau_pressure
 
 TABLE = "ringing.csv"
+PLACED = ("thickness", "gas_pressure", "outer_pressure", "viscosity")  # the table's columns before the pad
 DRAWS = 4096
 ROUNDS, AROUND, KEPT = 6, 1024, 24
 SPREADS = {"frequency": 0.04, "decay": 0.35, "rest": 0.02}  # of the interpolation, relative
@@ -34,6 +35,8 @@ WORSE = 60.0  # of χ² above the best that a start may lie which is tried in an
 OUTSIDE = 1e4
 PREFERRED = 1.0  # of χ², for each mode passed over
 OVERTONE, UNHEARD = 2.0, 30.0  # of χ², for a frequency that is an octave, and for one that is nothing
+OVERDAMPED = 0.15  # 1/(τ Ω) by the wall alone, up to which a mode is heard in any case
+TINY = 1e-300  # a time that adds nothing to any decay
 OCTAVE = 0.15  # how far from twice the other the frequency of a large, decaying motion may be
 
 
@@ -133,12 +136,18 @@ def promise(recordings: tuple[Recording, ...], space: Space, u: np.ndarray) -> n
         for name, column in zip(space.names, values.T, strict=True):
             if "[" not in name or name.endswith(f"[{k + 1}]"):
                 numbers[plain(name)] = column
-        four = [_product(numbers, POWERS[field]) if space.si else numbers[field] for field in POWERS]
+        seen = {field: _product(numbers, POWERS[field]) if space.si else numbers[field] for field in POWERS}
         one_each = (np.ones(len(u)), np.ones(len(u)))
         time, length = (_product(numbers, TIME), _product(numbers, LENGTH)) if space.si else one_each
         held = bool(np.any(numbers["pad"] > 0))
         there = table(held)
-        log_omega, log_rate, rest, outside = there(there.place(four[0], four[1], four[2], four[3], numbers["pad"]))
+        d, gas, outer, viscosity = (seen[name] for name in PLACED)
+        log_omega, log_rate, rest, outside = there(there.place(d, gas, outer, viscosity, numbers["pad"]))
+        # the table's walls lose nothing: a Kelvin-Voigt wall adds about half its time times Ω² to a mode's decay
+        log_rate = np.logaddexp(log_rate, 2 * log_omega + np.log(0.5 * seen["retardation"] + TINY)[:, None])
+        # and a mode that it damps beyond this share of its frequency would not be heard
+        beyond = np.log(0.5 * numbers["retardation"] * one.Omega.max() / OVERDAMPED + TINY)
+        total += (np.maximum(beyond, 0.0) / SPREADS["decay"]) ** 2
         total += OUTSIDE * outside**2
         total += _frequencies(one, log_omega - np.log(time)[:, None], log_rate - np.log(time)[:, None])
         for channel, level in zip(one.channels, one.level, strict=True):

@@ -16,7 +16,7 @@ import numpy as np
 
 from jshell.calibration import Prior
 from jshell.errors import BadName, BadValue, choose
-from jshell.inversion.response import FIELDS
+from jshell.inversion.response import FIELDS, PAD, RETARDATION
 
 
 @dataclass(frozen=True)
@@ -51,6 +51,7 @@ SI = {
     "outer_pressure": Number("Pa", 1e3, 1e7),
     "density": Number("kg/m^3", 500.0, 2000.0, usual=1000.0),
     "viscosity": Number("Pa s", 1e-5, 20.0),
+    "retardation": Number("s", 1e-9, 1.0, usual=0.0),
     **_SHAPE,
 }
 PLAIN = {
@@ -58,14 +59,18 @@ PLAIN = {
     "gas_pressure": Number("E d/R0", 0.1, 8.0),
     "outer_pressure": Number("E d/R0", 0.2, 12.0),
     "viscosity": Number("sqrt(E d rho_f R0)", 1e-5, 0.05),
+    "retardation": Number("sqrt(rho_f R0^3/(E d))", 1e-5, 1.0, usual=0.0),
     **_SHAPE,
 }
+TIME = {"density": 0.5, "radius": 1.5, "youngs_modulus": -0.5, "thickness": -0.5}
+LENGTH = {"radius": 1.0}
 # powers of the laboratory's numbers in each of the simulator's; the four of the shape are the same in both
 POWERS = {
     "thickness": {"thickness": 1.0, "radius": -1.0},
     "gas_pressure": {"gas_pressure": 1.0, "radius": 1.0, "youngs_modulus": -1.0, "thickness": -1.0},
     "outer_pressure": {"outer_pressure": 1.0, "radius": 1.0, "youngs_modulus": -1.0, "thickness": -1.0},
     "viscosity": {"viscosity": 1.0, "youngs_modulus": -0.5, "thickness": -0.5, "density": -0.5, "radius": -0.5},
+    "retardation": {"retardation": 1.0} | {name: -power for name, power in TIME.items()},
 }
 SYMBOLS = {  # what else they are called
     "E": "youngs_modulus", "d": "thickness", "d_hat": "thickness", "R": "radius", "R0": "radius", "P0": "gas_pressure",
@@ -75,8 +80,6 @@ SYMBOLS = {  # what else they are called
 THICKEST = 0.5  # of the radius: beyond, the wall is no shell
 NEVER_ZERO = ("radius", "thickness", "youngs_modulus", "gas_pressure", "outer_pressure", "density")
 POSSIBLE = {"kappa": (1.0, 2.0), "poisson_ratio": (-1.0, 0.5), "pad": (0.0, 1.5), "weak_spot": (0.0, 0.9)}
-TIME = {"density": 0.5, "radius": 1.5, "youngs_modulus": -0.5, "thickness": -0.5}
-LENGTH = {"radius": 1.0}
 
 
 @dataclass(frozen=True)
@@ -108,7 +111,7 @@ class Seen:
     def __init__(self, values: Mapping[str, float], si: bool) -> None:
         self.names, self.values = tuple(SI if si else PLAIN), values
         logs = {name: np.log(values[name]) for name in self.names if name not in _SHAPE and values[name] > 0}
-        still = {name for name in self.names if name not in _SHAPE and values[name] <= 0}  # no viscosity
+        still = {name for name in self.names if name not in _SHAPE and values[name] <= 0}  # no viscosity, no loss
 
         def product(powers: Mapping[str, float]) -> float:
             if still & set(powers):
@@ -117,10 +120,19 @@ class Seen:
 
         plain = {field: {field: 1.0} for field in POWERS}
         self.powers = POWERS if si else plain
-        dimensional = [product(self.powers[field]) for field in FIELDS[:4]]
-        self.numbers = np.array([*dimensional, *(values[name] for name in FIELDS[4:])])
+        self.numbers = np.array([product(self.powers[f]) if f in self.powers else values[f] for f in FIELDS])
         self.time, self.length = (product(TIME), product(LENGTH)) if si else (1.0, 1.0)
         self.si = si
+
+    @property
+    def held(self) -> bool:
+        """Whether a pad holds the shell."""
+        return bool(self.numbers[PAD] > 0)
+
+    @property
+    def lossy(self) -> bool:
+        """Whether the wall loses energy itself."""
+        return bool(self.numbers[RETARDATION] > 0)
 
     def slope(self, name: str) -> tuple[np.ndarray, float, float]:
         """Change of the simulator's numbers, of log T and of log L with u of one number."""
@@ -128,8 +140,9 @@ class Seen:
         if name in _SHAPE:
             change[FIELDS.index(name)] = 1.0
             return change, 0.0, 0.0
-        for k, field in enumerate(FIELDS[:4]):
-            change[k] = self.powers[field].get(name, 0.0) * self.numbers[k]
+        for field, powers in self.powers.items():
+            k = FIELDS.index(field)
+            change[k] = powers.get(name, 0.0) * self.numbers[k]
         return change, TIME.get(name, 0.0) * self.si, LENGTH.get(name, 0.0) * self.si
 
 

@@ -17,6 +17,7 @@ MEASURED = {
     "youngs_modulus": "a modulus from a test of the material",
     "density": "the liquid's density",
     "viscosity": "the liquid's viscosity",
+    "retardation": "a test of the wall material's own loss",
     "gas_pressure": "the gas pressure of the stress-free shell",
     "outer_pressure": "a pressure gauge",
     "kappa": "the gas's exponent",

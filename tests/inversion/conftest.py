@@ -17,11 +17,12 @@ STEP = 1e-5
 
 def stand_in(numbers: np.ndarray) -> ModalResponse:
     """Three modes of H, W, V, S, both poles, the echo and three widths, of shells (shells, fields) side by side."""
-    d, gas, outer, viscosity, kappa, nu, pad, spot = (part[:, None] for part in numbers.T)
+    d, gas, outer, viscosity, kappa, nu, pad, spot, retardation = (part[:, None] for part in numbers.T)
     there = table(bool(pad[0, 0] > 0))
     log_omega, log_rate, rest, _ = there(there.place(*(numbers[:, k] for k in (0, 1, 2, 3, 6))))
     stiff = (kappa / 1.4) ** 0.2 * (nu / 0.5) ** 0.1 * (1 - 0.3 * spot)
     rates = (-np.exp(log_rate) + 1j * np.exp(log_omega)) * stiff
+    rates = rates - 0.5 * retardation * rates.imag**2
     k, c = np.arange(1, 4)[:, None], np.arange(1, 11)
     d, gas, outer, viscosity, pad = (part[:, :, None] for part in (d, gas, outer, viscosity, pad))
     shapes = np.cos(k * c + d * k + 0.2 * gas * c) + 0.1j * np.sin(c + 5 * np.sqrt(viscosity) + outer * k + pad)
@@ -61,10 +62,10 @@ def no_compilation(monkeypatch):
 def make_recording():
     """A ring-down of the stand-in, in a laboratory's units."""
 
-    def make(thickness=0.15, gas=1.0, outer=1.7, viscosity=0.004, pad=0.3, *, noise=0.01, memory=0.0, seed=0,
-             channels=("H", "W"), periods=5.0, size=(1.0, 0.4, 0.0), swing=0.02):  # fmt: skip
+    def make(thickness=0.15, gas=1.0, outer=1.7, viscosity=0.004, pad=0.3, *, retardation=0.0, noise=0.01, memory=0.0,
+             seed=0, channels=("H", "W"), periods=5.0, size=(1.0, 0.4, 0.0), swing=0.02):  # fmt: skip
         found = ModalResponse(
-            *(p[0] for p in stand_in(np.array([[thickness, gas, outer, viscosity, 1.4, 0.5, pad, 0.0]])))
+            *(p[0] for p in stand_in(np.array([[thickness, gas, outer, viscosity, 1.4, 0.5, pad, 0.0, retardation]])))
         )
         pick = [CHANNELS.index(name) for name in channels]
         generator = np.random.default_rng(seed)

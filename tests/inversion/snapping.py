@@ -18,12 +18,12 @@ STEP = 1e-6
 
 def snapping(numbers: np.ndarray, pressure: np.ndarray, times: np.ndarray, mesh: float) -> np.ndarray:
     """(times, channels) under a pressure (times,)."""
-    d, gas, _, viscosity, kappa, nu, pad, spot = numbers
+    d, gas, _, viscosity, kappa, nu, pad, spot, retardation = numbers
     threshold = gas + 4 / 3 * d * (1 - 0.8 * spot) * (1 + 0.1 * (nu - 0.5))
     dropped = 1 / (1 + np.exp(-(pressure - threshold) / 0.01))
     target = 1 - 0.05 * kappa * (pressure - gas) - 0.3 * (1 + d - 0.1 * (gas - pressure)) * dropped
     omega = (1 + 0.3 * (gas - 0.9) + d + pad) * (1 + 0.002 * mesh)
-    damping = 0.02 + np.sqrt(viscosity)
+    damping = 0.02 + np.sqrt(viscosity) + retardation * omega**2 / 2
     w = omega * (times[1] - times[0]) / 2  # of the trapezium rule
     z = w * damping / omega
     filtered = lfilter(
@@ -54,11 +54,11 @@ def run(numbers, tangents, load, length, elements, inner, report=None, pause=0.0
     return motion.RunSamples(value, np.array(slopes), Outcome.OK)
 
 
-def simulate(conditions, *, duration, every, pressure, elements, attached, weak_spot, step):
+def simulate(conditions, *, duration, every, pressure, elements, attached, weak_spot, step, losses):
     times = every * np.arange(round(duration / every) + 1)
     numbers = np.array([*(float(getattr(conditions, name)) for name in (
         "thickness", "gas_pressure", "outer_pressure", "viscosity", "kappa", "poisson_ratio")), attached,
-        weak_spot.depth])  # fmt: skip
+        weak_spot.depth, 0.0 if losses.wall is None else losses.wall.retardation])  # fmt: skip
     found = snapping(numbers, np.asarray(pressure(times)), times, (16 / elements) ** 8)
     return js.Trace(times, dict(zip(motion.CHANNELS, found.T, strict=True)))
 

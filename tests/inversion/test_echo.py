@@ -80,7 +80,7 @@ def test_the_echo_of_a_contrast_agent_tells_its_modulus():
     """Made by another mesh; R0 2 µm, a wall of 300 nm known, gas 100 kPa, in water."""
     gas, outer = 100e3, 190e3
     agent = Reduced.from_si(Shell(RADIUS, THICKNESS, MODULUS), js.Gas(gas), WATER, js.Load(outer))
-    numbers = jnp.array([*(float(getattr(agent, name)) for name in FIELDS[:6]), 0.0, 0.0])
+    numbers = jnp.array([*(float(getattr(agent, name)) for name in FIELDS[:6]), 0.0, 0.0, 0.0])
     near = standing_program(28, False)(numbers)
     made, _ = response_program(28, False)(numbers, jnp.zeros((DIRECTIONS, len(FIELDS))), near)
     rates, shapes = np.asarray(made.rates)[:2], np.asarray(made.shapes)[:2]

@@ -12,6 +12,7 @@ from jshell.shell import Gas, Liquid, Load, Reduced, Shell, scales
 VALUES = {
     "radius": 0.0225, "thickness": 0.005, "youngs_modulus": 0.5e6, "gas_pressure": 99e3, "outer_pressure": 178e3,
     "density": 1260.0, "viscosity": 1.06, "kappa": 1.3, "poisson_ratio": 0.45, "pad": 0.33, "weak_spot": 0.1,
+    "retardation": 2e-6,
 }  # fmt: skip
 
 
@@ -19,7 +20,9 @@ def test_numbers_without_units_are_those_of_reduced():
     shell, liquid = Shell(0.0225, 0.005, 0.5e6, 0.45), Liquid(1260.0, 1.06)
     told = Reduced.from_si(shell, Gas(99e3, 1.3), liquid, Load(178e3))
     seen = Seen(VALUES, True)
-    expected = [told.thickness, told.gas_pressure, told.outer_pressure, told.viscosity, 1.3, 0.45, 0.33, 0.1]
+    retardation = 2e-6 / scales(shell, liquid).time
+    dimensional = [told.thickness, told.gas_pressure, told.outer_pressure, told.viscosity]
+    expected = [*dimensional, 1.3, 0.45, 0.33, 0.1, retardation]
     np.testing.assert_allclose(seen.numbers, [float(x) for x in expected], rtol=1e-13)
     np.testing.assert_allclose(seen.time, scales(shell, liquid).time, rtol=1e-13)
 

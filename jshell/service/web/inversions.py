@@ -35,6 +35,7 @@ WORDS = {
     "radius": "radius R₀",
     "density": "density of the liquid ρ",
     "viscosity": "viscosity of the liquid η",
+    "retardation": "Kelvin–Voigt time of the wall, 0 loses nothing",
     "pad": "half-angle of the holder's pad, 0 is free",
     "weak_spot": "relative loss of thickness at the buckling pole",
     "kappa": "polytropic exponent of the gas κ",
