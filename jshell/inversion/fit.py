@@ -64,8 +64,9 @@ def invert(
             where they differ. What a trace's header says is known too, but for what is asked.
         unknown: What is asked: names, or names with None, bounds (low, high), a `Prior` or an `Unknown`. In SI:
             radius, thickness, youngs_modulus, gas_pressure, outer_pressure, density, viscosity; without units:
-            thickness, gas_pressure, outer_pressure, viscosity; in both kappa, poisson_ratio, pad (half-angle of the
-            holder, 0 is a free shell), weak_spot (relative loss of thickness at the buckling pole).
+            thickness, gas_pressure, outer_pressure, viscosity; in both retardation (Kelvin-Voigt time of a wall that
+            loses energy itself, 0 unless said), kappa, poisson_ratio, pad (half-angle of the holder, 0 is a free
+            shell), weak_spot (relative loss of thickness at the buckling pole).
         local: Unknowns that every recording has for itself, such as outer_pressure.
         channels: Of H, W, V, S, x_front, x_back, and W_25, W_50, W_75, the outline's widths at these percents of its
             height; by default the first four that are recorded. Or p_scattered alone, the echo: its distance and
@@ -128,7 +129,7 @@ def invert(
         at = [begin.get(name, value) for name, value in zip(whole.names, usual, strict=True)]
         begun = np.concatenate([whole.to_u(np.array([at])), begun])
         promising += 1
-    endings = _brought_to_rest(model, _from_starts(model, begun[:promising], weighings), weighings)
+    endings = _brought_to_rest(model, _from_starts(model, begun, promising, weighings), weighings)
     if endings[0].outcome not in (Outcome.OK, Outcome.AT_BOUND):
         return _finished(drawn_up(model, Settled(endings[0], weighings, []), endings, (), ()), throw)
     first = weighings
@@ -201,11 +202,16 @@ def _shown(one: Recording) -> int:
     return {"one": 1, "two": 2}.get(one.verdict, 3)
 
 
-def _from_starts(model: Model, begun: np.ndarray, weighings: Sequence[Weighing]) -> list[SearchResult]:
-    """Where the starts end, the best first; a start whose end describes the recordings is the last that is tried."""
+def _from_starts(model: Model, begun: np.ndarray, promising: int, weighings: Sequence[Weighing]) -> list[SearchResult]:
+    """Where the starts end, the best first; a start whose end describes the recordings is the last that is tried.
+
+    Beyond the promising ones only until one leads to a shell at all.
+    """
     endings: list[SearchResult] = []
     for k, u in enumerate(begun):
-        ending = minimise(model, u, weighings, max_steps=FIRST_STEPS if len(begun) > 1 else 40, legs=3)
+        if k >= promising and any(np.isfinite(one.cost) for one in endings):
+            break
+        ending = minimise(model, u, weighings, max_steps=FIRST_STEPS if promising > 1 else 40, legs=3)
         endings.append(ending)
         if k > 0 and np.isfinite(ending.cost) and described(model, min(endings, key=_rank).projections):
             break
