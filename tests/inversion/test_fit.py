@@ -1,5 +1,7 @@
 """The door, on a stand-in that needs no compilation; the simulator itself in `test_simulator`."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -134,6 +136,25 @@ def test_a_start_without_a_shell_leaves_the_others_their_turn(make_recording, mo
     assert found.outcome == Outcome.OK
     assert Outcome.NO_BUCKLED_STATE in [one.outcome for one in found.starts]
     assert abs(found["youngs_modulus"].value - 0.5e6) < 4 * found["youngs_modulus"].stderr
+
+
+@pytest.mark.long
+def test_behind_noise_that_remembers_another_minimum_is_looked_for(make_recording, monkeypatch):
+    """The first start ends where what is left passes for noise; the shell is found by the second."""
+    trace, real = make_recording(memory=0.9), fit.minimise
+    found = invert(trace, tuple(TRUTH))
+    assert found.ending is not None
+    assert found.noise[0].memory > 0.5
+    dear = replace(found.ending, u=found.ending.u + 0.3, cost=found.ending.cost + 100.0)
+
+    def minimise(model, u, weighings, **options):
+        return dear if np.allclose(u, dear.u) else real(model, u, weighings, **options)
+
+    monkeypatch.setattr(fit, "minimise", minimise)
+    monkeypatch.setattr(fit, "starts", lambda *_: (np.array([dear.u, found.ending.u]), 1))
+    again = invert(trace, tuple(TRUTH))
+    for name in TRUTH:
+        assert again[name].value == pytest.approx(found[name].value, rel=1e-3)
 
 
 def test_an_end_that_is_sought_on_may_cost_more_on_its_new_nodes(monkeypatch):
