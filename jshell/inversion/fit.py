@@ -142,11 +142,13 @@ def invert(
             endings = [others.pop(), *endings]  # the last that was tried
         endings += others
     elif len(untried) and any(one.memory for row in noises for one in row):
-        # noise that remembers may be a misfit in disguise: whether another minimum leaves less
-        endings += [minimise(model, u, weighings, max_steps=40, legs=3) for u in untried]
-        lowest = min(endings[-len(untried) :], key=_rank)
-        if lowest.outcome in (Outcome.OK, Outcome.AT_BOUND) and lowest.cost < best.cost and not _same(best, lowest):
-            best, weighings, noises = _settled(model, lowest, weighings)
+        # noise that remembers may be a misfit in disguise: whether another minimum leaves less, under the same weights
+        begun = np.concatenate([best.u[None], untried])
+        anew = [minimise(model, u, weighings, max_steps=40, legs=3) for u in begun]
+        anew = _brought_to_rest(model, sorted(anew, key=_rank), weighings)
+        endings += anew
+        if anew[0].outcome in (Outcome.OK, Outcome.AT_BOUND) and not _same(best, anew[0]):
+            best, weighings, noises = _settled(model, anew[0], weighings)
     notes = []
     if exact:
         best, weighings, note = corrected(model, best, weighings, _again)
