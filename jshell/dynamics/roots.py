@@ -18,7 +18,8 @@ ds/dp = -vᵀ(∂F/∂p)v / vᵀF'v.
 
 Symbols    s = -1/τ + iΩ rate [1/time]   M, G, D added mass, slip matrix, second order   C wall   F = K + s Z
 Valid for  small amplitude; layer η̂ << 1, second η̂ < 0.03, exact any η̂
-Source     Mehrmann and Voss 2004 for Newton on a nonlinear eigenproblem; `jshell.flow` for the impedances
+Source     Mehrmann and Voss 2004 for Newton on a nonlinear eigenproblem; `jshell.flow` for the impedances,
+           `jshell.membrane.viscous` for C
 """
 
 from typing import Literal, NamedTuple

@@ -22,7 +22,16 @@ from jshell.dynamics import Losses
 from jshell.dynamics.motion import Loads
 from jshell.dynamics.run import CHANNELS, RADIUS, Pace, Schedule, Setup, begin, go_on
 from jshell.errors import Outcome
-from jshell.inversion.response import PAD, QUICKLY, RETARDATION, SPOT, SPOT_WIDTH, conditions_of, loss_of, mesh
+from jshell.inversion.response import (
+    PAD_FIELD,
+    QUICKLY,
+    RETARDATION_FIELD,
+    SPOT_FIELD,
+    SPOT_WIDTH,
+    conditions_of,
+    loss_of,
+    mesh,
+)
 
 EVERY = 0.1  # [time unit] between samples: a cubic through them errs by 1e-4 of a swing at ω = 4
 PIECE = 40  # samples that one call takes
@@ -74,7 +83,7 @@ def run(
         report: Called with the share that is done, now and then.
     """
     count = PIECE * int(np.ceil((np.ceil(length / EVERY) + SPARE) / PIECE))
-    first, go = programs(elements, bool(numbers[PAD] > 0), inner, bool(numbers[RETARDATION] > 0))
+    first, go = programs(elements, bool(numbers[PAD_FIELD] > 0), inner, bool(numbers[RETARDATION_FIELD] > 0))
     fields, directions = jnp.asarray(numbers), jnp.asarray(tangents)
     at_start = np.zeros(1)
     state, rest, sample = first(fields, directions, load.value(at_start)[0], load.change(at_start)[:, 0])
@@ -100,8 +109,8 @@ def programs(elements: int, held: bool, inner: int, lossy: bool) -> tuple[Callab
     base, pace = mesh(elements, held), Pace(EVERY, inner, False, False)
 
     def setup(numbers) -> Setup:
-        shape = with_pad(base, numbers[PAD]) if held else base
-        profile = thinned(shape, numbers[SPOT], jnp.asarray(SPOT_WIDTH))
+        shape = with_pad(base, numbers[PAD_FIELD]) if held else base
+        profile = thinned(shape, numbers[SPOT_FIELD], jnp.asarray(SPOT_WIDTH))
         losses = Losses(wall=loss_of(numbers, lossy))
         return Setup(shape, profile, None, conditions_of(numbers), losses, jnp.asarray(0.0), "current")
 

@@ -34,7 +34,7 @@ FIELDS = (
     "thickness", "gas_pressure", "outer_pressure", "viscosity", "kappa", "poisson_ratio", "pad", "weak_spot",
     "retardation",
 )  # fmt: skip
-PAD, SPOT, RETARDATION = 6, 7, 8  # places among the fields; before them those of `Reduced`
+PAD_FIELD, SPOT_FIELD, RETARDATION_FIELD = 6, 7, 8  # places among the fields; before them those of `Reduced`
 ECHO = "p_scattered"  # far away, times distance
 ACROSS = {"W_25": 0.25, "W_50": 0.5, "W_75": 0.75}  # widths, and the shares of the height that they are taken at
 CHANNELS = ("H", "W", "V", "S", "x_front", "x_back", ECHO, *ACROSS)
@@ -75,12 +75,12 @@ def plain_mesh(elements: int, held: bool) -> Meridian:
 
 def conditions_of(numbers: Float[Array, "fields"]) -> Reduced:
     """The problem among the arguments."""
-    return Reduced(*(numbers[k] for k in range(PAD)))
+    return Reduced(*(numbers[k] for k in range(PAD_FIELD)))
 
 
 def loss_of(numbers: Float[Array, "fields"], lossy: bool) -> WallLoss | None:
     """What the wall loses itself, of a shell that was said to."""
-    return WallLoss(retardation=numbers[RETARDATION]) if lossy else None
+    return WallLoss(retardation=numbers[RETARDATION_FIELD]) if lossy else None
 
 
 class Standing(NamedTuple):
@@ -97,8 +97,8 @@ def standing_program(elements: int, held: bool) -> Callable[[Any], Standing]:
     base = plain_mesh(elements, held)
 
     def standing(numbers):
-        spot = numbers[SPOT], jnp.asarray(SPOT_WIDTH)
-        found = find(with_pad(base, numbers[PAD]), conditions_of(numbers), spot, "buckled", "current", None, True)
+        spot = numbers[SPOT_FIELD], jnp.asarray(SPOT_WIDTH)
+        found = find(with_pad(base, numbers[PAD_FIELD]), conditions_of(numbers), spot, "buckled", "current", None, True)
         return Standing(found.meridian.nodes, found.coordinates - found.meridian.sphere, found.outcome)
 
     return jax.jit(standing, compiler_options=QUICKLY)
@@ -153,8 +153,8 @@ def _response(
     numbers: Float[Array, "fields"], near: Standing, base: Meridian, liquids: tuple[str, ...], lossy: bool
 ) -> tuple[ModalResponse, ...]:
     conditions = conditions_of(numbers)
-    shape = with_pad(base, numbers[PAD], near.nodes)
-    profile = thinned(shape, numbers[SPOT], jnp.asarray(SPOT_WIDTH))
+    shape = with_pad(base, numbers[PAD_FIELD], near.nodes)
+    profile = thinned(shape, numbers[SPOT_FIELD], jnp.asarray(SPOT_WIDTH))
     rest = _at_rest(shape, conditions, profile, near)
     loss = loss_of(numbers, lossy)
     return tuple(_in_liquid(shape, rest, conditions, liquid, loss) for liquid in liquids)

@@ -28,9 +28,8 @@ from jshell.inversion.kept import Arrays, Kept
 from jshell.inversion.model import Model, Weighing
 from jshell.inversion.projection import Projection
 from jshell.inversion.recording import POWER, Recording
-from jshell.inversion.response import FIELDS, PAD, RETARDATION, SPOT, SPOT_WIDTH, Standing
+from jshell.inversion.response import FIELDS, PAD_FIELD, SPOT_FIELD, SPOT_WIDTH, Standing, loss_of
 from jshell.inversion.unknowns import Seen, plain
-from jshell.membrane import WallLoss
 from jshell.pressure import Ramp, Recorded
 from jshell.shell.parameters import Reduced
 
@@ -235,10 +234,10 @@ class SnapModel(Model):
         numbers = [float(x) for x in seen.numbers]
         length = self._length(k, seen) + motion.SPARE * motion.EVERY
         found = simulate(
-            Reduced(*numbers[:PAD]), duration=length, every=motion.EVERY, pressure=law,
-            elements=round(FINER * self.elements), attached=numbers[PAD],
-            weak_spot=WeakSpot(numbers[SPOT], SPOT_WIDTH), step=self.snap.step / FINER,
-            losses=Losses(wall=WallLoss(retardation=numbers[RETARDATION]) if seen.lossy else None),
+            Reduced(*numbers[:PAD_FIELD]), duration=length, every=motion.EVERY, pressure=law,
+            elements=round(FINER * self.elements), attached=numbers[PAD_FIELD],
+            weak_spot=WeakSpot(numbers[SPOT_FIELD], SPOT_WIDTH), step=self.snap.step / FINER,
+            losses=Losses(wall=loss_of(jnp.asarray(seen.numbers), seen.lossy)),
         )  # fmt: skip
         channels = np.stack([np.asarray(found[name]) for name in motion.CHANNELS], axis=1)
         if int(found.outcome):

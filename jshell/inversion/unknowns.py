@@ -16,7 +16,7 @@ import numpy as np
 
 from jshell.calibration import Prior
 from jshell.errors import BadName, BadValue, choose
-from jshell.inversion.response import FIELDS, PAD, RETARDATION
+from jshell.inversion.response import FIELDS, PAD_FIELD, RETARDATION_FIELD
 
 
 @dataclass(frozen=True)
@@ -127,12 +127,12 @@ class Seen:
     @property
     def held(self) -> bool:
         """Whether a pad holds the shell."""
-        return bool(self.numbers[PAD] > 0)
+        return bool(self.numbers[PAD_FIELD] > 0)
 
     @property
     def lossy(self) -> bool:
         """Whether the wall loses energy itself."""
-        return bool(self.numbers[RETARDATION] > 0)
+        return bool(self.numbers[RETARDATION_FIELD] > 0)
 
     def slope(self, name: str) -> tuple[np.ndarray, float, float]:
         """Change of the simulator's numbers, of log T and of log L with u of one number."""
