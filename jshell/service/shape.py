@@ -3,7 +3,7 @@
 One compiled program serves every request: numbers of elements and of modes are
 fixed, and all that a request brings is numbers. Requests wait for each other,
 for they share the cores with everything else that the service does; of those
-that wait too long none is begun.
+that wait too long none is begun. The first one compiles: they wait for that.
 
 Symbols    x along the axis, r from it [R0]   ω = |s|   Ω damped frequency   τ decay time
 Valid for  the liquid of `answer`: a Stokes layer to second order; `exact` any viscosity
@@ -11,6 +11,7 @@ Valid for  the liquid of `answer`: a Stokes layer to second order; `exact` any v
 
 import threading
 import warnings
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
@@ -33,7 +34,56 @@ AROUND = (1, 2, 3)  # orders whose slowest vibration is told
 EVERY = 2  # Gauss points of an outline that are drawn
 DIGITS = 4  # behind the point, of an outline in R0
 PATIENCE, LONG_PATIENCE = 5.0, 20.0  # seconds that a request waits for its turn
-_TURN, _LONG_TURN = threading.Lock(), threading.Lock()
+COMPILING = 90.0  # seconds that it waits while the first one compiles
+WAITING = 12  # requests of a kind at once: more would hold the threads that answer everything else
+
+
+class Turns:
+    """Work that is done one after the other, by whoever asks for it.
+
+    Attributes:
+        patience: Seconds that a request waits for its turn, once a first one is done.
+        waiting: Requests that wait, and the one that is worked on.
+    """
+
+    def __init__(self, patience: float):
+        self.patience, self.waiting = patience, 0
+        self._turn, self._counting, self._compiled = threading.Lock(), threading.Lock(), False
+
+    def take(self, work: Callable[[], Any]) -> Any:
+        """The work's result.
+
+        Raises:
+            Refused: Too many wait, or for too long.
+        """
+        self._count(1)
+        try:
+            if not self._turn.acquire(timeout=self.patience if self._compiled else max(COMPILING, self.patience)):
+                raise self._busy()
+            try:
+                found = work()
+                self._compiled = True
+                return found
+            finally:
+                self._turn.release()
+        finally:
+            self._count(-1)
+
+    def _count(self, more: int) -> None:
+        with self._counting:
+            if self.waiting + more > WAITING:
+                raise self._busy()
+            self.waiting += more
+
+    @staticmethod
+    def _busy() -> Refused:
+        return Refused(
+            "the simulator", found="busy with other shells", expected="a turn within some seconds",
+            remedy="Move the slider again.", code="too_many", after=5,
+        )  # fmt: skip
+
+
+_SHAPES, _EXACT = Turns(PATIENCE), Turns(LONG_PATIENCE)
 
 
 class Drawing(eqx.Module):
@@ -72,7 +122,7 @@ def found_of(conditions: Reduced, liquid: str = "second", count: int = COUNT) ->
     Raises:
         Refused: Too many wait.
     """
-    return _in_turn(_TURN, PATIENCE, lambda: jax.block_until_ready(_all(conditions.as_arrays(), liquid, count)))
+    return _SHAPES.take(lambda: jax.block_until_ready(_all(conditions.as_arrays(), liquid, count)))
 
 
 def answer(conditions: Reduced) -> dict[str, Any]:
@@ -112,21 +162,9 @@ def exact(conditions: Reduced) -> dict[str, Any]:
         rows = [vars(row) for row in drawn.found.table()]
         return {"modes": rows, "verdict": verdict, "around": [vars(row) for row in around]}
 
-    return _in_turn(_LONG_TURN, LONG_PATIENCE, both)
+    return _EXACT.take(both)
 
 
 def rounded(values: Any) -> list[float | None]:
     """An outline's numbers; what is no number is null."""
     return finite(np.round(np.asarray(values, dtype=float), DIGITS).tolist())
-
-
-def _in_turn(turn: threading.Lock, patience: float, work: Any) -> Any:
-    if not turn.acquire(timeout=patience):
-        raise Refused(
-            "the simulator", found="busy with other shells", expected="a turn within some seconds",
-            remedy="Move the slider again.", code="too_many", after=5,
-        )  # fmt: skip
-    try:
-        return work()
-    finally:
-        turn.release()
