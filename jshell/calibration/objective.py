@@ -16,7 +16,7 @@ import numpy as np
 
 from jshell.calibration import joint as joints
 from jshell.calibration.joint import Joint
-from jshell.calibration.least_squares import SolverResult, from_many_starts
+from jshell.calibration.least_squares import SolverResult, from_many_starts, value_and_jacobian
 from jshell.calibration.parameters import Unknowns
 
 
@@ -95,6 +95,12 @@ class Objective(eqx.Module):
         r = r[: r.size - self.priors]
         return float(r @ r) / self.freedom
 
+    @property
+    def linearised(self) -> tuple[np.ndarray, np.ndarray]:
+        """Residual and Jacobian (residuals, free) at the minimum."""
+        r, J = _linearised(self.residual, self.args, jnp.asarray(self.best))
+        return np.asarray(r), np.asarray(J)
+
     def seen(self, name: str, value: float) -> float:
         """A reported value of a free parameter, as the solver sees it."""
         return self.space.hidden(name, value)
@@ -117,3 +123,8 @@ class Objective(eqx.Module):
 def evaluate(residual: Callable, args: Any, u: jax.Array) -> jax.Array:
     """The residual, compiled."""
     return residual(u, args)
+
+
+@eqx.filter_jit
+def _linearised(residual: Callable, args: Any, u: jax.Array) -> tuple[jax.Array, jax.Array]:
+    return value_and_jacobian(lambda u: residual(u, args), u)

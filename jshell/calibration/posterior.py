@@ -12,15 +12,16 @@ Source     Hoffman & Gelman 2014; sampler: NumPyro. Groups as ArviZ reads them.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from jshell.calibration.joint import Joint, blocks
-from jshell.calibration.least_squares import value_and_jacobian
 from jshell.calibration.objective import Objective
 from jshell.calibration.rebuilt import objective_of
 from jshell.calibration.result import Fit
@@ -114,9 +115,8 @@ def posterior(result: Fit, draws: int = 1000, *, warmup: int = 500, chains: int 
     half = _half(objective)
     size = best.size
     variance = objective.variance
-    energy = lambda z, _: _energy(objective, best + half @ z[:size], z[size:], variance)  # noqa: E731
     whole, sampling = size + (not objective.absolute), SamplerSettings(draws, warmup, chains, seed)
-    found = drawn(sampler(energy, whole, sampling), whole, sampling)
+    found = drawn(_energy, whole, sampling, (objective, best, half, jnp.asarray(variance)))
     u = np.asarray(best) + found.z[..., :size] @ np.asarray(half).T
     noise = np.ones(found.z.shape[:2]) if objective.absolute else np.sqrt(variance) * np.exp(found.z[..., size])
     return summarised(objective.names, objective.shown(u), noise, found.diverging, seed)
@@ -156,43 +156,48 @@ class Draws(NamedTuple):
     diverging: np.ndarray
 
 
-def sampler(energy: Callable[..., jax.Array], size: int, sampling: SamplerSettings) -> Any:
-    """NUTS for numbers whose scale is about one; may run again, without compiling, on other data of the same shapes.
+def drawn(energy: Callable[[jax.Array, Any], jax.Array], size: int, sampling: SamplerSettings, data: Any) -> Draws:
+    """What NUTS draws of numbers whose scale is about one, its chains begun near 0.
 
     Args:
-        energy: z (size,) and data to minus the logarithm of the density; infinite where there is none.
+        energy: At module level, so that one program serves all data of one form: z (size,) and data to minus the
+            logarithm of the density; infinite where there is none.
         size: How many numbers.
         sampling: How much is drawn.
+        data: Of the density.
 
     Raises:
         MissingExtra: NumPyro is not installed.
     """
     try:
-        import numpyro
-        from numpyro.distributions import ImproperUniform, constraints
-        from numpyro.infer import MCMC, NUTS
+        import numpyro  # noqa: F401
     except ImportError:
         raise MissingExtra(
             "numpyro", found="not installed", expected="the extra `bayes`", remedy="pip install 'jshell[bayes]'"
         ) from None
-
-    def model(data: Any) -> None:
-        z = numpyro.sample("z", ImproperUniform(constraints.real_vector, (), (size,)))
-        numpyro.factor("density", -energy(z, data))
-
-    return MCMC(
-        NUTS(model), num_warmup=sampling.warmup, num_samples=sampling.draws, num_chains=sampling.chains,
-        chain_method="sequential", progress_bar=False, jit_model_args=True,
-    )  # fmt: skip
+    keys = jax.random.split(jax.random.PRNGKey(sampling.seed), sampling.chains)
+    first = jax.random.normal(jax.random.PRNGKey(sampling.seed + 1), (sampling.chains, size)) * 0.3
+    chains = [_chain(energy, sampling.warmup, sampling.draws, key, z, data) for key, z in zip(keys, first, strict=True)]
+    return Draws(*(np.stack([np.asarray(chain[k]) for chain in chains]) for k in range(2)))
 
 
-def drawn(sampler: Any, size: int, sampling: SamplerSettings, data: Any = ()) -> Draws:
-    """What a sampler draws, its chains begun near 0."""
-    scatter = jax.random.normal(jax.random.PRNGKey(sampling.seed + 1), (sampling.chains, size)) * 0.3
-    first = {"z": scatter if sampling.chains > 1 else scatter[0]}
-    sampler.run(jax.random.PRNGKey(sampling.seed), data, init_params=first, extra_fields=("diverging",))
-    z = np.asarray(sampler.get_samples(group_by_chain=True)["z"])
-    return Draws(z, np.asarray(sampler.get_extra_fields(group_by_chain=True)["diverging"]))
+@eqx.filter_jit
+def _chain(energy: Callable, warmup: int, draws: int, key: jax.Array, first: jax.Array, data: Any) -> Any:
+    """One chain's draws and where they lost their way: NumPyro's kernel in loops of our own, traced once.
+
+    NumPyro's `MCMC` traces its model anew for every run on other data, and keeps what it traced.
+    """
+    from numpyro.infer.hmc import hmc
+
+    begin, step = hmc(potential_fn_gen=lambda data: partial(energy, data=data), algo="NUTS")
+    state = begin(first, warmup, model_args=(data,), rng_key=key)
+
+    def again(state: Any, _: Any) -> tuple[Any, Any]:
+        state = step(state, (data,))
+        return state, (state.z, state.diverging)
+
+    state, _ = jax.lax.scan(lambda state, _: (again(state, _)[0], None), state, length=warmup)
+    return jax.lax.scan(again, state, length=draws)[1]
 
 
 def summarised(
@@ -211,14 +216,18 @@ def summarised(
 
 def _half(objective: Objective) -> jax.Array:
     """A root of the covariance of the unknowns."""
-    _, J = value_and_jacobian(lambda u: objective.residual(u, objective.args), jnp.asarray(objective.best))
-    J = np.asarray(J) / np.sqrt(max(objective.variance, 1e-300))
+    J = objective.linearised[1] / np.sqrt(max(objective.variance, 1e-300))
     values, vectors = np.linalg.eigh(J.T @ J)
     return jnp.asarray(vectors / np.sqrt(np.maximum(values, 1e-12 * values.max())))
 
 
-def _energy(objective: Objective, u: jax.Array, log_noise: jax.Array, variance: float) -> jax.Array:
-    """Minus the logarithm of the posterior; infinite outside the bounds."""
+def _energy(z: jax.Array, data: tuple[Objective, jax.Array, jax.Array, jax.Array]) -> jax.Array:
+    """Minus the logarithm of the posterior, of z and, where it is drawn, of the logarithm of the noise.
+
+    Infinite outside the bounds.
+    """
+    objective, best, half, variance = data
+    u, log_noise = best + half @ z[: best.size], z[best.size :]
     r = objective.residual(u, objective.args)
     split = r.size - objective.priors
     chi_square, known = jnp.sum(r[:split] ** 2), jnp.sum(r[split:] ** 2)

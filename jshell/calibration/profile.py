@@ -12,11 +12,9 @@ Source     criterion χ²: Δχ² = s² χ²₁(level), as MINOS has it; criteri
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import jax.numpy as jnp
 import numpy as np
 import scipy.special
 
-from jshell.calibration.least_squares import value_and_jacobian
 from jshell.calibration.objective import Objective
 from jshell.calibration.rebuilt import objective_of
 from jshell.calibration.result import Fit
@@ -152,11 +150,11 @@ class Walker:
         self.variance = max(variance, 1e-300)
         self.distance = distance
         self.best = objective.best
-        r, J = value_and_jacobian(lambda u: objective.residual(u, objective.args), jnp.asarray(self.best))
+        r, J = objective.linearised
         self.cost = float(r @ r)
-        scale = np.linalg.norm(np.asarray(J), axis=0)
+        scale = np.linalg.norm(J, axis=0)
         scale = np.where(scale > 0, scale, 1.0)
-        inverse = np.linalg.pinv((np.asarray(J) / scale).T @ (np.asarray(J) / scale), rcond=1e-14)
+        inverse = np.linalg.pinv((J / scale).T @ (J / scale), rcond=1e-14)
         self.covariance = inverse / np.outer(scale, scale) * self.variance
 
     def away(self, i: int, value: float, start: np.ndarray) -> tuple[float, np.ndarray, bool]:

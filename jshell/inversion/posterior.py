@@ -13,17 +13,18 @@ Source     Hoffman & Gelman 2014; as `jshell.calibration.posterior`
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import combinations_with_replacement
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from jshell.calibration.noise import whiten
-from jshell.calibration.posterior import Posterior, SamplerSettings, drawn, sampler, summarised
+from jshell.calibration.posterior import Posterior, SamplerSettings, drawn, summarised
 from jshell.errors import NotOk, Outcome
 from jshell.inversion.model import Model, Weighing
 from jshell.inversion.projection import Modal
@@ -118,19 +119,13 @@ def posterior(found: "Inversion", sampling: SamplerSettings) -> SimulatorPosteri
     size = best.u.size
     data = _data(model, best, found.weighings, found.spread(), 1.0 if found.absolute else found.reduced_chi_square)
     whole = size + (not found.absolute)
-    got = drawn(_sampler(whole, replace(sampling, seed=0)), whole, sampling, data)
+    got = drawn(_energy, whole, sampling, data)
     z, variance = got.z[..., :size], float(data.variance)
     noise = np.ones(z.shape[:2]) if found.absolute else np.sqrt(variance) * np.exp(got.z[..., size])
     shown = model.space.to_values(best.u + z @ np.asarray(data.half).T)
     made = summarised(model.space.names, shown, noise, got.diverging, sampling.seed)
     some = z.reshape(-1, size)[np.linspace(0, z[..., 0].size - 1, CHECKED).astype(int)]
     return SimulatorPosterior(**vars(made), departure=_departure(model, best, found.weighings, data, some))
-
-
-@lru_cache(maxsize=4)
-def _sampler(size: int, sampling: SamplerSettings) -> Any:
-    """Compiled once for all inversions of one form."""
-    return sampler(_energy, size, sampling)
 
 
 def _data(
@@ -271,5 +266,11 @@ def _departure(model: Model, best: SearchResult, weighings: Sequence[Weighing], 
                 return np.inf
             outputs.append(jnp.asarray(_flat(modal, slopes, at_best, weighing)[0]))
         whole = jnp.asarray(np.append(z, np.zeros(0)))
-        away.append(float(_density(outputs, whole, data) - _energy(whole, data)))
+        away.append(float(_apart(outputs, whole, data)))
     return float(np.std(away))
+
+
+@eqx.filter_jit
+def _apart(outputs: Sequence[jax.Array], z: jax.Array, data: Data) -> jax.Array:
+    """Difference of the two log densities."""
+    return _density(outputs, z, data) - _energy(z, data)

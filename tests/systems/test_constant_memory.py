@@ -16,7 +16,7 @@ from jshell.shell.unbuckling import unbuckling_load
 
 TIMES = np.linspace(0.0, 20.0, 201)
 MOST = 50.0  # MB
-OFTEN, SELDOM = 10_000, 1_000  # calls: of what takes under a millisecond, of what takes longer
+OFTEN, SELDOM, RARE = 10_000, 1_000, 50  # calls: of what takes under a millisecond, of what takes longer, or seconds
 
 
 def reduced(x):
@@ -94,6 +94,11 @@ SLOW = {
     ),
     "read_trace": lambda x: js.io.read_trace(js.io.encode_trace("a.csv", record())),
 }
+SLOWEST = {
+    "fit, posterior": lambda x: js.fit(louder(x)).posterior(50, warmup=50, chains=1),
+    "fit, profile": lambda x: js.fit(louder(x)).profile(),
+    "fit, bootstrap": lambda x: js.fit(louder(x)).bootstrap(20),
+}
 
 
 def grown(call, count):
@@ -121,6 +126,13 @@ def test_ten_thousand_calls_keep_no_memory(name):
 @pytest.mark.parametrize("name", SLOW)
 def test_a_thousand_slower_calls_keep_no_memory(name):
     assert grown(SLOW[name], SELDOM) < MOST
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("name", SLOWEST)
+def test_fifty_calls_of_seconds_keep_no_memory(name):
+    assert grown(SLOWEST[name], RARE) < MOST
 
 
 def test_memory_that_is_kept_is_seen():
