@@ -205,7 +205,7 @@ def again(
 
     Args:
         start: (4, block) the minimum of white noise.
-        rested: (block,) whether it is one.
+        rested: (block,) whether it is one, of a model that describes the record.
         phi: (channels, block).
         memory: (channels, times, block) over the step to each sample of uneven records, else None.
         box: Lowest and highest, (4, block) each; of what is fixed they are alike.

@@ -85,7 +85,9 @@ def trace_result(
     notes = [f"rest states: {', '.join(f'V = {float(one.state.volume):.5g}' for one in problem.records)}"]
     outcome = Outcome(int(np.asarray(ending.outcome)[best]))
     if noise == "auto" and robust is None and any(one.memory > 0 for one in noises):
-        joint, moved = fit_ar1(joint, found, noises, space, free_to_move=outcome == Outcome.OK)
+        # what a misfit leaves is motion, of which a memory only seems to tell: there the white minimum stays
+        trusted = outcome == Outcome.OK and not misfits(joint, found.residual, cut, noises, robust=False)
+        joint, moved = fit_ar1(joint, found, noises, space, free_to_move=trusted)
         notes.append(
             "the residual is not white: the noise is taken as autocorrelated, e_k = φ e_{k-1} + fresh"
             + (", and the constants are those of that noise" if moved is not found else "")

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import jshell as js
 from jshell.calibration import FitWarning, fit_trajectories
 from jshell.calibration.misfit import DRIFTS, drift_share
 from jshell.calibration.noise import Noise, estimate_memory, examine, lag_one, remembered, runs, steps_between, whiten
@@ -116,6 +117,21 @@ def test_a_drift_is_told_from_waves_and_noise(shape):
     noise = 0.2 * np.random.default_rng(0).standard_normal(t.size)
     left = {"line": t / 40 - 0.5, "fading": np.exp(-t / 15) - 0.35, "wave": np.cos(0.9 * t), "noise": 0 * t}[shape]
     assert (drift_share(t, left + noise) > DRIFTS) == (shape in ("line", "fading"))
+
+
+@pytest.mark.filterwarnings("ignore::jshell.calibration.FitWarning", "ignore::jshell.errors.RangeWarning")
+@pytest.mark.parametrize("third", [0.0, 0.05, 0.15])
+def test_a_motion_that_the_model_lacks_is_not_taken_for_noise_that_remembers(third):
+    """By the memory of its residual a third mode, taken for noise, moved ω- by three of its errors."""
+    t, random = np.linspace(0.0, 40.0, 400), np.random.default_rng(0)
+    modes = ((0.2, 1.08, 0.3), (0.15, 1.75, 1.0), (third, 3.6, 2.0))
+    V = 2.9 + sum(a * np.exp(-t / 6.5) * np.cos(w * t + p) for a, w, p in modes)
+    trace = Trace(t, {"V": V + 1e-6 * random.standard_normal(t.size)}, js.presets.R.conditions)
+    white, found = (fit_trajectories(trace, "modal", channels=["V"], noise=noise) for noise in ("white", "auto"))
+    assert [one.memory > 0 for one in found.noise] == [third > 0]
+    assert [one.value for one in found.derived] == [one.value for one in white.derived]
+    assert found.chi_square == white.chi_square
+    assert any(text.startswith("misfit") for text in found.warnings) == (third > 0)
 
 
 @pytest.mark.slow
