@@ -10,6 +10,8 @@ Valid for  records of absolute values; a channel that goes below 0, or lies near
 Source     Mokbel et al. 2021: eq:equiplateau for V_e; area nearly uncompressed, convex envelopes for H and W
 """
 
+from collections.abc import Mapping
+
 import numpy as np
 from jaxtyping import Bool, Float
 
@@ -55,8 +57,21 @@ def refuse_disagreement(trace: Trace, number: int) -> None:
             expected="a height at most the width: a dimple lowers the shell along its axis",
             remedy="Are the two columns exchanged?",
         )
-    for name, level in levels.items():
-        low, high = LEVELS[name]
+    refuse_sizes(levels, place)
+
+
+def refuse_sizes(levels: Mapping[str, float], place: str) -> None:
+    """Refuse areas, heights and widths that no shell has.
+
+    Args:
+        levels: Of channels by name, in units of R0 and its square; those without bounds pass.
+        place: Of the record, for messages.
+
+    Raises:
+        UnusableData: One out of its bounds.
+    """
+    for name in levels.keys() & LEVELS.keys():
+        level, (low, high) = levels[name], LEVELS[name]
         if not low <= level <= high:
             raise UnusableData(
                 f"{place}, channel {name!r}",

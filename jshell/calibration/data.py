@@ -6,7 +6,7 @@ import numpy as np
 
 from jshell.calibration.agreement import refuse_disagreement
 from jshell.calibration.sampling import noise_of
-from jshell.errors import BadName, BadShape, BadValue
+from jshell.errors import BadName, BadShape, BadValue, Outcome
 from jshell.shell.parameters import Reduced
 from jshell.signals import MEASURED, ring_down_start
 from jshell.trace import Trace, traces_of
@@ -84,6 +84,14 @@ def _without(trace: Trace, number: int, drop: Sequence[tuple[float, float]], mis
     """The trace with NaN in the spans to drop; refused where it holds NaN of its own."""
     for name, values in trace.channels.items():
         wrong = ~np.isfinite(np.asarray(values, dtype=float))
+        if wrong.all() and trace.outcome != Outcome.OK:
+            ended = Outcome(int(trace.outcome))
+            raise BadValue(
+                f"trace {number}, channel {name!r}",
+                found=f"no numbers: the run that made it ended with outcome {ended.word}",
+                expected="numbers",
+                remedy=f"{ended.advice.capitalize()}.",
+            )
         if wrong.any() and missing == "refuse":
             raise BadValue(
                 f"trace {number}, channel {name!r}, sample {int(np.argmax(wrong)) + 1} of the window",

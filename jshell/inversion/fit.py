@@ -19,7 +19,7 @@ from jshell.errors import BadValue, NotOk, Outcome, choose
 from jshell.inversion.exact import corrected
 from jshell.inversion.model import ELEMENTS, Model, Weighing
 from jshell.inversion.noise import described, examined, first_weighing, misfits, reweighed
-from jshell.inversion.recording import Recording, recording
+from jshell.inversion.recording import Recording, recording, refuse_other_size
 from jshell.inversion.response import MODES
 from jshell.inversion.result import Inversion, Settled, drawn_up
 from jshell.inversion.search import SearchResult, information, minimise
@@ -117,7 +117,11 @@ def invert(
     records = tuple(recording(one, k, channels, start, stop, si) for k, one in enumerate(listed, 1))
     if asked and (si if nuisance is None else nuisance):
         asked |= {n: w for n, w in nuisances(records).items() if n not in asked and n not in given[0]}
-    whole = space([{**one.known, **said} for one, said in zip(records, given, strict=True)], asked, tuple(local), si)
+    numbers = [{**one.known, **said} for one, said in zip(records, given, strict=True)]
+    whole = space(numbers, asked, tuple(local), si)
+    for one, known_of_it in zip(records, numbers, strict=True):
+        if not free_rest and "radius" not in asked:
+            refuse_other_size(one, known_of_it.get("radius", 1.0))
     model = Model(records, whole, elements)
     weighings = [first_weighing(one, tuple(range(_shown(one))), free_rest) for one in records]
 

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from jshell.calibration.agreement import refuse_sizes
 from jshell.errors import BadName, BadValue, Outcome, UnusableData
 from jshell.inversion.response import ACROSS, CHANNELS, ECHO
 from jshell.signals import dip, extract
@@ -186,6 +187,21 @@ def header(trace: Trace, si: bool) -> dict[str, float]:
         "density": float(liquid.density),
         "viscosity": float(liquid.viscosity),
     } | shape
+
+
+def refuse_other_size(record: Recording, radius: float) -> None:
+    """Refuse heights and widths that no shell of this radius has.
+
+    Args:
+        record: What is seen of the shell.
+        radius: R0, in the record's unit of length.
+
+    Raises:
+        UnusableData: A height or width of another shell, or in another unit.
+    """
+    levels = zip(record.channels, record.level, strict=True)
+    seen = {name: float(level) / radius for name, level in levels if name in ("H", "W")}
+    refuse_sizes(seen, f"trace {record.number}")
 
 
 class _Seen(NamedTuple):

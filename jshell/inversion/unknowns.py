@@ -17,6 +17,7 @@ import numpy as np
 from jshell.calibration import Prior
 from jshell.errors import BadName, BadValue, choose
 from jshell.inversion.response import FIELDS, PAD_FIELD, RETARDATION_FIELD
+from jshell.shell.laboratory import PLACES, refuse_slips
 
 
 @dataclass(frozen=True)
@@ -251,6 +252,8 @@ def space(
                 )  # fmt: skip
         whole.append({n: float(v) for n, v in numbers.items() if n not in asked})
         _check(whole[-1], table)
+        if si:
+            refuse_slips(**{place: whole[-1][name] for name, place in PLACES.items() if name in whole[-1]})
     low = np.array([table[plain(n)].low if one.low is None else one.low for n, one in rows])
     high = np.array([table[plain(n)].high if one.high is None else one.high for n, one in rows])
     for (name, one), a, b in zip(rows, low, high, strict=True):

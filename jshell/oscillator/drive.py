@@ -146,7 +146,8 @@ class Response(eqx.Module):
         """
         worst = Outcome(int(np.max(np.asarray(self.outcome))))
         if worst != Outcome.OK:
-            raise NotOk("drive", worst)
+            popped = "the dimple popped out, and the shell is a sphere: drive it less, or raise the outer pressure"
+            raise NotOk("drive", worst, popped if worst == Outcome.NO_BUCKLED_STATE else "")
         return self
 
     def _each(self, function: Any) -> jax.Array:

@@ -30,7 +30,7 @@ from jshell.oscillator.linear import (
 )
 from jshell.shell.elasticity import SPHERE_AREA, SPHERE_VOLUME, buckling_threshold, moduli
 from jshell.shell.parameters import Number, Reduced
-from jshell.shell.rest import RestState, buckled_state, sphere_state
+from jshell.shell.rest import RestState, buckled_state, sphere_state, warn_outside_plateau_range
 from jshell.shell.sphere import marmottant_frequency, sphere_frequency_at_load
 from jshell.trace import Trace, Values
 from jshell.undetermined import undetermined
@@ -80,8 +80,8 @@ def frequencies(conditions: Reduced, coefficients: Coefficients, law: str = "cou
         BadName: No such law.
 
     Warns:
-        RangeWarning: Within 5 % of the stability limit; at a load at which the sphere is stable as well (one shell
-            with concrete numbers only).
+        RangeWarning: Outside the range of the rest law; within 5 % of the stability limit; at a load at which the
+            sphere is stable as well (one shell with concrete numbers only).
 
     Source:
         eq:defw, eq:equiplateau, eq:equivol, eq:limstab, eq:wsphere.
@@ -94,6 +94,8 @@ def frequencies(conditions: Reduced, coefficients: Coefficients, law: str = "cou
         0.8243 1.3543
     """
     choose("law", law, LAWS)
+    if np.ndim(conditions.thickness) == 0:
+        warn_outside_plateau_range(conditions.thickness, law)
     found, spherical = _frequencies(conditions.as_arrays(), coefficients.as_arrays(), law)
     _warn_of_edges(found, spherical)
     return found
@@ -116,8 +118,8 @@ def _warn_of_edges(found: Frequencies, spherical: jax.Array) -> None:
         )
     if bool(spherical):
         warnings.warn(
-            "at this load the sphere has not buckled yet: two states are possible, and these are the numbers of the "
-            "buckled one; jshell.membrane.rest(…, branch='sphere') is the other",
+            "at this load the sphere has not buckled yet: the short model has two states, and these are the numbers of "
+            "the buckled one; whether the whole shell can rest there, jshell.membrane.rest tells",
             RangeWarning,
             stacklevel=3,
         )

@@ -30,9 +30,10 @@ SPANS = {
     "radius [m]": _Span(1e-8, 5.0, "m", _LENGTHS),
     "youngs_modulus [Pa]": _Span(1e3, 1e13, "Pa", _PRESSURES),
     "gas pressure [Pa]": _Span(10.0, 1e9, "Pa", _PRESSURES),
-    "outer pressure [Pa]": _Span(10.0, 1e9, "Pa", _PRESSURES),
+    "outer pressure [Pa]": _Span(1e3, 1e9, "Pa", _PRESSURES),  # below, water boils
     "density [kg/m^3]": _Span(50.0, 3e4, "kg/m^3", {"g/cm^3": 1e3}),
 }
+PLACES = {place.split(" [")[0].replace(" ", "_"): place for place in SPANS}
 
 
 def refuse_slips(**numbers: Any) -> None:

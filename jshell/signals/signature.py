@@ -197,7 +197,8 @@ def extract(
     window = (float(t[0]), float(t[-1])) if t.size else (float(low), float(times[-1]))
     ended = lambda why: _silent(names, window, t_dip, why, throw)  # noqa: E731
     if t.size < FEWEST_SAMPLES:
-        return ended(f"{t.size} samples from t = {low:g} on, at least {FEWEST_SAMPLES} are needed")
+        whole = f"of a record from {times[0]:.4g} to {times[-1]:.4g}"
+        return ended(f"{t.size} samples from t = {low:g} on, {whole}; at least {FEWEST_SAMPLES} are needed")
     data = np.stack([np.asarray(cut[name], dtype=float) for name in names])
     level = np.abs(data).max(axis=1)
     if np.any(data.std(axis=1) <= 1e-12 * np.maximum(level, 1e-300)):

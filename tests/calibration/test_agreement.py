@@ -9,7 +9,7 @@ import jshell as js
 from jshell.calibration import fit_batch, fit_trajectories
 from jshell.calibration.nonlinear import fit_nonlinear
 from jshell.errors import BadValue, Outcome, UnusableData
-from jshell.oscillator import random_shell, random_trace
+from jshell.oscillator import SOURCE, random_shell, random_trace, simulate
 from jshell.shell import SPHERE_AREA, SPHERE_VOLUME
 
 pytestmark = pytest.mark.filterwarnings("ignore::jshell.errors.RangeWarning", "ignore::UserWarning")
@@ -70,6 +70,13 @@ def test_an_excursion_says_nothing_of_a_level(film):
     still = {name: np.asarray(film[name]) - np.mean(film[name]) for name in "HW"}
     found = fit_trajectories(dataclasses.replace(film, channels=still), fix={"alpha2": 1.1})
     assert found.outcome == Outcome.OK
+
+
+def test_a_run_that_made_no_numbers_says_why():
+    sphere = js.Reduced(0.08, 0.9, 0.85, 0.004)
+    trace = simulate(sphere, SOURCE, initial=(-0.1, 0.05, 0.0, 0.0), times=np.linspace(0.0, 40.0, 101))
+    with pytest.raises(BadValue, match=r"no_buckled_state.*raise the outer pressure"):
+        js.fit(trace)
 
 
 def test_a_gauge_pressure_is_named(ring):

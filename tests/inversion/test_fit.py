@@ -292,6 +292,16 @@ def test_a_question_that_contradicts_itself_is_refused(make_recording):
         invert(trace, ("youngs_modulus",), channels=("V",))
 
 
+@pytest.mark.parametrize("factor", [0.1, 10.0, 1e3])
+def test_a_record_of_another_size_is_not_of_this_shell(make_recording, factor):
+    trace = make_recording()
+    radius, thickness = factor * float(trace.scales.length), factor * float(trace.scales.length) * 0.22
+    with pytest.raises((UnusableData, BadValue), match=r"units of R0|radius \[m\]"):
+        invert(trace, ("youngs_modulus",), known={"radius": radius, "thickness": thickness})
+    with pytest.raises(BadValue, match="Was it in kPa"):
+        invert(trace, ("youngs_modulus",), known={"outer_pressure": 176.0})
+
+
 def test_a_start_may_leave_out_what_nobody_asked(make_recording):
     found = invert(make_recording(), tuple(TRUTH), begin={"youngs_modulus": 0.45e6})
     assert found.outcome == Outcome.OK

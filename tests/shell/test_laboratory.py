@@ -24,6 +24,7 @@ def reduced(**changes):
         ({"E": 500.0}, "kPa"),
         ({"P0": 1.0}, "bar"),
         ({"Pext": 1.77}, "bar"),
+        ({"Pext": 177.0}, "kPa"),
         ({"P0": 0.1}, "MPa"),
         ({"radius": 22.5, "thickness": 5.0}, "mm"),
         ({"density": 1.26}, "g/cm"),
