@@ -127,7 +127,8 @@ def simulate(
     pressure = outer_pressure(driven.pressure_file, problem, reading)
     added = forcing(driven.tone, driven.burst, driven.burst_start)
     if not quiet:
-        log(f"simulating {time.duration:g} time units on {mesh.elements} elements")
+        size = f"on {mesh.elements} elements" if mesh.tolerance is None else f"to within {mesh.tolerance:g}"
+        log(f"simulating {time.duration:g} time units {size}")
     pictured = film is not None or gif is not None
     if mesh.tolerance is not None and pictured:
         raise BadValue(
@@ -165,7 +166,8 @@ def simulate(
         "V_over_V0": settled(trace, "V") / jshell.shell.SPHERE_VOLUME if ok else None,
         "S_over_S0": settled(trace, "S") / jshell.shell.SPHERE_AREA if ok else None,
     }
-    said = {key: text for key, text in trace.settings if key == "symmetry"}
+    settings = dict(trace.settings)
+    said = {key: settings[key] for key in ("symmetry",) if key in settings}
     if as_json:
         pictures = {"film": film, "gif": gif}
         drawn = {key: str(path) for key, path in pictures.items() if path is not None}
@@ -175,6 +177,9 @@ def simulate(
         words = {"t_dip": "dip at t", "V_over_V0": "settles at V/V0", "S_over_S0": "settles at S/S0"}
         rows = [(words[key], value, DIMENSIONS.get(key)) for key, value in numbers.items()]
         rows += [(key, text, None) for key, text in said.items()]
+        if mesh.tolerance is not None and ok:
+            rows += [("elements", int(settings["elements"]), None), ("step", float(settings["step"]), None)]
+            rows += [("error estimate", float(settings["error_estimate"]), None)]
         typer.echo(problem.table(rows, (str(out), "value")))
     finish(outcome)
 

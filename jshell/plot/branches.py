@@ -72,9 +72,11 @@ def deflation(
             folds = [fold for fold in branch.folds if fold.of == kind]
             if folds:
                 places = [fold.volume_ratio for fold in folds], [fold.difference for fold in folds]
-                ax.plot(*places, marker, color=VERMILION, markerfacecolor="white", label=words)
+                ax.plot(*places, marker, color=VERMILION, markerfacecolor="white", zorder=3.5, label=words)
         if maxwell is not None and maxwell.outcome == Outcome.OK:
-            ax.plot([maxwell.volume_ratio], [maxwell.difference], "*", color=GREEN, markersize=8, label="Maxwell point")
+            at, height = [maxwell.volume_ratio], [maxwell.difference]
+            # below the folds: a fold of the load may lie there
+            ax.plot(at, height, "*", color=GREEN, markersize=10, zorder=2.5, label="Maxwell point")
         if loss is not None and loss.volume_ratio is None:
             ax.plot([], [], " ", label=f"{loss.words} V/V₀ = {loss.checked:.3f}")
         elif loss is not None and loss.volume_ratio is not None and loss.difference is not None:

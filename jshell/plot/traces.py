@@ -181,7 +181,7 @@ def identified_modes(
             shown.factor * values,
             shown.factor * curve,
             color=CHANNEL.get(name, BLUE),
-            names=(shown.symbol, "two modes"),
+            names=(shown.symbol, "one mode" if signature.verdict == "one" else "two modes"),
         )
         ax.text(
             0.985,
