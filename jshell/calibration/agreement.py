@@ -70,8 +70,8 @@ def refuse_sizes(levels: Mapping[str, float], place: str) -> None:
     Raises:
         UnusableData: One out of its bounds.
     """
-    for name in levels.keys() & LEVELS.keys():
-        level, (low, high) = levels[name], LEVELS[name]
+    for name, (low, high) in LEVELS.items():
+        level = levels.get(name, low)
         if not low <= level <= high:
             raise UnusableData(
                 f"{place}, channel {name!r}",

@@ -33,6 +33,7 @@ SPANS = {
     "outer pressure [Pa]": _Span(1e3, 1e9, "Pa", _PRESSURES),  # below, water boils
     "density [kg/m^3]": _Span(50.0, 3e4, "kg/m^3", {"g/cm^3": 1e3}),
 }
+# the same places by the names that numbers of a shell have elsewhere, such as gas_pressure
 PLACES = {place.split(" [")[0].replace(" ", "_"): place for place in SPANS}
 
 
