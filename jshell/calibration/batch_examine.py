@@ -280,12 +280,14 @@ def _fit_again(run: Any, bucket: Bucket, chosen: np.ndarray, memory: np.ndarray)
     for mine, rows, given in _blocks(run, bucket, chosen):
         lanes = np.resize(mine, rows.size)
         box = tuple(np.repeat(end[:, None], rows.size, 1) for end in (run.low, run.high))
-        # as in `diagnostics`: what a misfit leaves is motion, and the white minimum stays
         start, rested = found.unknowns[:, rows], (found.status[rows] == CONVERGED) & ~run.studied.misfit[rows]
         steps = None if over is None else side_by_side(over[lanes], padded)
         ended = again(start, rested, memory[lanes].T, steps, box, given)
         ended, rows = Again(*(np.asarray(part)[..., : mine.size] for part in ended)), rows[: mine.size]
-        for name in ("unknowns", "normal", "state", "omega", "slope"):
-            getattr(found, name)[..., rows] = getattr(ended, name)
+        found.normal[..., rows] = ended.normal
         run.studied.whitened[rows] = ended.cost
-        found.cost[rows] = ended.power
+        # as in `diagnostics`: what a misfit leaves is motion, and the white minimum stays, but for its errors
+        moved = ~run.studied.misfit[rows]
+        for name in ("unknowns", "state", "omega", "slope"):
+            getattr(found, name)[..., rows[moved]] = getattr(ended, name)[..., moved]
+        found.cost[rows[moved]] = ended.power[moved]
