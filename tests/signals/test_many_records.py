@@ -104,7 +104,7 @@ def drifted(seeds: range, drift: float, shape: str) -> tuple[int, np.ndarray]:
     return flagged, np.mean(z, axis=0)
 
 
-@pytest.mark.parametrize("drift", [0.2, 0.6])
+@pytest.mark.parametrize("drift", [0.2, pytest.param(0.6, marks=pytest.mark.long)])
 def test_a_drift_of_tenths_of_a_millimetre_is_flagged_without_its_term(drift):
     flagged, z = drifted(range(2), drift, "line")
     assert flagged == 2
@@ -128,6 +128,7 @@ def long_record(size: int) -> tuple[Trace, np.ndarray]:
     return Trace(times, {"V": 3 + ring + noise}), np.array([np.hypot(0.954, 1 / 12), np.hypot(1.474, 1 / 12), 12.0])
 
 
+@pytest.mark.long
 def test_a_long_record_is_heard_by_all_its_samples():
     trace, truth = long_record(100_000)
     found = extract(trace, start=0.0)

@@ -12,8 +12,13 @@ from jshell.trace import Trace
 
 
 def also(*given):
-    """A neighbour of a case that is tested always: among the long tests."""
+    """A neighbour of a case that is tested always: among the slow tests."""
     return pytest.param(*given, marks=pytest.mark.slow)
+
+
+def later(*given):
+    """A case of seconds, whose kind a quicker one tests as well: among the long tests."""
+    return pytest.param(*given, marks=pytest.mark.long)
 
 
 TIMES = np.linspace(0.0, 40.0, 401)
@@ -51,7 +56,7 @@ DRIFTS = {
 }
 
 
-@pytest.mark.parametrize("kind", DRIFTS)
+@pytest.mark.parametrize("kind", ["gas leak", later("small leak"), later("warming"), "slow warming"])
 @pytest.mark.parametrize("seed", [0, also(1)])
 def test_a_drift_is_flagged_and_right_once_it_is_allowed_for(kind, seed):
     drift, name = DRIFTS[kind]
@@ -87,7 +92,7 @@ def test_decays_of_their_own_are_named(tau, fast_tau):
 
 
 @pytest.mark.parametrize(
-    ("at", "size"), [(20.0, 1.0), (10.0, 0.1), also(10.0, 1.0), also(31.7, 1.0), also(20.0, 0.1), also(31.7, 0.1)]
+    ("at", "size"), [(20.0, 1.0), later(10.0, 0.1), also(10.0, 1.0), also(31.7, 1.0), also(20.0, 0.1), also(31.7, 0.1)]
 )
 def test_a_second_kick_is_named_with_its_time(at, size):
     again = np.where(at <= TIMES, ring(TIMES - at, slow=-0.8 * size, fast=0.7 * size), 0.0)
@@ -100,7 +105,7 @@ def test_a_second_kick_is_named_with_its_time(at, size):
     assert right(before)
 
 
-@pytest.mark.parametrize("count", [3, 15, also(4), also(6)])
+@pytest.mark.parametrize("count", [3, later(15), also(4), also(6)])
 def test_more_modes_than_two_are_flagged(count):
     random = np.random.default_rng(count)
     turns, phases = 0.9 * 1.25 ** np.arange(count), random.uniform(0, 6, count)
@@ -118,7 +123,7 @@ def test_two_modes_close_together_are_told_apart_or_flagged(gap, phase):
     assert right(found, 1.4, 1.4 + gap) if gap >= 0.03 else right(found, 1.4, 1.4 + gap) or not found.sound
 
 
-@pytest.mark.parametrize(("level", "silent"), [(0.006, 0), also(0.009, 1)])
+@pytest.mark.parametrize(("level", "silent"), [later(0.006, 0), also(0.009, 1)])
 def test_a_pair_hardly_told_apart_is_rarely_called_one_mode_in_silence(level, silent):
     times = np.linspace(0.0, 25.0, 250)  # a sixth of a beat
     pair = np.exp(-times / 18) * (np.cos(0.9 * times) + 0.33 * np.cos(0.938 * times + 1.0))
@@ -126,6 +131,7 @@ def test_a_pair_hardly_told_apart_is_rarely_called_one_mode_in_silence(level, si
     assert sum(one.sound and not right(one, 0.9, 0.938, 18.0) for one in found) <= silent
 
 
+@pytest.mark.long
 def test_a_pair_too_near_for_its_record_is_flagged_where_one_mode_is_the_less_likely():
     times = np.linspace(0.0, 60.0, 601)  # a fifth of a beat; one mode leaves a χ² of 19 without noise
     pair = np.exp(-times / TAU) * (np.cos(1.4 * times) + np.cos(1.42 * times + 1.0))
@@ -133,7 +139,7 @@ def test_a_pair_too_near_for_its_record_is_flagged_where_one_mode_is_the_less_li
     assert sum("close together" in " ".join(one.warnings) for one in found) >= 3
 
 
-@pytest.mark.parametrize(("seed", "apart"), [(394, "0.035"), (430, "0.14")])
+@pytest.mark.parametrize(("seed", "apart"), [later(394, "0.035"), (430, "0.14")])
 def test_a_pair_with_errors_as_large_as_a_tenth_of_its_distance_is_flagged(seed, apart):
     """A third of a beat: one frequency lay more than four of its errors away, and nothing was said."""
     made = runpy.run_path(str(Path(__file__).parents[2] / "benchmarks" / "listening.py"))["record"](seed)
@@ -158,7 +164,7 @@ def test_one_mode_is_reported_as_one():
     assert found.omega_minus == pytest.approx(np.hypot(SLOW, 1 / TAU), abs=4 * found.stderr["omega_minus"])
 
 
-@pytest.mark.parametrize("memory", [0.5, 0.9])
+@pytest.mark.parametrize("memory", [0.5, later(0.9)])
 def test_autocorrelated_noise_is_no_misfit_and_widens_the_errors(memory):
     fresh = np.random.default_rng(5).standard_normal(TIMES.size) * np.sqrt(1 - memory**2)
     noise = np.zeros(TIMES.size)
@@ -201,7 +207,7 @@ def test_less_than_a_period_is_said(turns):
 
 @pytest.mark.parametrize(
     ("step", "low", "high"),
-    [(0.0, -np.inf, 3.8), (0.01, 2.4, np.inf), also(0.0, 2.4, np.inf), also(0.01, -np.inf, 3.8)],
+    [later(0.0, -np.inf, 3.8), later(0.01, 2.4, np.inf), also(0.0, 2.4, np.inf), also(0.01, -np.inf, 3.8)],
 )
 def test_clipping_is_named_on_its_channel(step, low, high):
     def rounded(values):
