@@ -146,8 +146,8 @@ class Response(eqx.Module):
         """
         worst = Outcome(int(np.max(np.asarray(self.outcome))))
         if worst != Outcome.OK:
-            popped = "the dimple popped out, and the shell is a sphere: drive it less, or raise the outer pressure"
-            raise NotOk("drive", worst, popped if worst == Outcome.NO_BUCKLED_STATE else "")
+            lost = "no buckled state, or the drive led out of it: raise the outer pressure, or drive less"
+            raise NotOk("drive", worst, lost if worst == Outcome.NO_BUCKLED_STATE else "")
         return self
 
     def _each(self, function: Any) -> jax.Array:
@@ -283,9 +283,8 @@ def _run(
     """The run itself, compiled once per shape: numbers arrive as arrays."""
     finite, (conditions, coefficients, state, drag, forcing, initial) = _sound(given)
     driven = Driven(conditions, coefficients, RestState(*state), drag, forcing, budget)
-    start = driven.begin(initial)
     shape = batch_shape(driven, initial, ts[0])
-    start = jax.tree.map(lambda part: jnp.broadcast_to(part, shape), start)
+    start = jax.tree.map(lambda part: jnp.broadcast_to(part, shape), driven.begin(initial))
     limit = unbuckling_volume(conditions, coefficients, driven.state)
 
     if solver == "rk4":

@@ -8,7 +8,7 @@ from jshell.calibration.posterior import SamplerSettings, drawn
 
 
 def test_other_data_are_drawn_by_the_program_of_the_first():
-    pytest.importorskip("numpyro")
+    pytest.importorskip("numpyro", reason="no NumPyro: pip install jshell[bayes]")
     traced = []
 
     def energy(z, data):

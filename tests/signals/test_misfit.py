@@ -17,7 +17,7 @@ def also(*given):
 
 
 def later(*given):
-    """A case of seconds, whose kind a quicker one tests as well: among the long tests."""
+    """A case of seconds: among the long tests, which continuous integration runs as well."""
     return pytest.param(*given, marks=pytest.mark.long)
 
 
@@ -207,7 +207,7 @@ def test_less_than_a_period_is_said(turns):
 
 @pytest.mark.parametrize(
     ("step", "low", "high"),
-    [later(0.0, -np.inf, 3.8), later(0.01, 2.4, np.inf), also(0.0, 2.4, np.inf), also(0.01, -np.inf, 3.8)],
+    [(0.0, -np.inf, 3.8), later(0.01, 2.4, np.inf), also(0.0, 2.4, np.inf), also(0.01, -np.inf, 3.8)],
 )
 def test_clipping_is_named_on_its_channel(step, low, high):
     def rounded(values):
