@@ -21,8 +21,8 @@ import numpy as np
 from jshell.calibration import batch_diffrax
 from jshell.calibration.agreement import rests_elsewhere
 from jshell.calibration.batch_bounds import NAMES, Box, box_of
-from jshell.calibration.batch_examine import nothing_studied, remember, study
-from jshell.calibration.batch_kernel import BlockInput, LaneResult, solve_blocks
+from jshell.calibration.batch_examine import BatchState, nothing_studied, remember, study
+from jshell.calibration.batch_kernel import BlockInput, LaneResult, nothing_found, solve_blocks
 from jshell.calibration.batch_result import BatchResult, read
 from jshell.calibration.options import choices_of
 from jshell.calibration.recordings import Bucket, Recordings, bucketed, mean_volumes, records_of, rest_states
@@ -114,22 +114,19 @@ def fit_batch(
     box = box_of(loss, fix or {}, bounds or {})
     run = _Batch(records, loss, equilibrium, box, solver, progress)
     run.fit_all()
-    run.study(run.usable, noise)
-    again = run.try_again(starts, np.random.default_rng(seed))
-    run.study(again, noise)
-    if run.found is not None:
-        remember(run)
+    study(run, run.usable, white=noise == "white")
+    study(run, run.try_again(starts, np.random.default_rng(seed)), white=noise == "white")
+    remember(run)
     with np.errstate(all="ignore"):  # rows that failed hold anything; they are hidden there
         return read(run)
 
 
-class _Batch:
-    """A batch under way: the best of what was found for every record so far.
+class _Batch(BatchState):
+    """A batch and how it is fitted.
 
     Attributes:
-        found: Fields of `LaneResult`, (…, rows).
-        tried: Starts of each record.
         ends: Costs of all starts of the records tried again, inf where a start did not come to rest.
+        done: Records told to `progress`.
     """
 
     def __init__(
@@ -141,34 +138,29 @@ class _Batch:
         solver: str,
         progress: Progress | None,
     ):
-        self.records, self.box, self.low, self.high, self.progress = records, box, box.low, box.high, progress
-        self.modal, self.channels = loss == "modal", records.channels
-        self.solve = _solve if solver == "exact" else batch_diffrax.solve
-        self.rows = np.shape(records.values)[0]
-        self.buckets, self.unusable = bucketed(records)
-        if solver == "diffrax" and any(bucket.elapsed is not None for bucket in self.buckets):
+        channels, rows = records.channels, np.shape(records.values)[0]
+        buckets, unusable = bucketed(records)
+        if solver == "diffrax" and any(bucket.elapsed is not None for bucket in buckets):
             raise BadValue(
                 "traces", found="uneven or missing samples", expected="even ones for diffrax", remedy="Use exact."
             )
-        self.volume, self.pressure, self.buckled = rest_states(records, equilibrium)
+        self.volume, self.pressure, buckled = rest_states(records, equilibrium)
         if equilibrium == "plateau":
             # a record that rests where its shell cannot is of another shell
-            self.unusable = self.unusable | (self.buckled & rests_elsewhere(mean_volumes(records), self.volume))
-        of = lambda name: np.broadcast_to(np.asarray(getattr(records.conditions, name), float), (self.rows,))  # noqa: E731
-        self.gas_pressure, self.kappa, self.viscosity = of("gas_pressure"), of("kappa"), of("viscosity")
-        self.area_modulus = 0.5 / (1 - of("poisson_ratio"))
-        self.sigma = (
-            np.full((self.rows, len(self.channels)), np.nan)
-            if records.sigma is None
-            else np.asarray(records.sigma, float)
-        )
-        self.absolute = records.sigma is not None
-        self.tried, self.agreeing = np.ones(self.rows, int), np.ones(self.rows, int)
-        self.counts = np.zeros(self.rows, int)
+            unusable = unusable | (buckled & rests_elsewhere(mean_volumes(records), self.volume))
+        of = lambda name: np.broadcast_to(np.asarray(getattr(records.conditions, name), float), (rows,))  # noqa: E731
+        self.gas_pressure, absolute = of("gas_pressure"), records.sigma is not None
+        self.sigma = np.asarray(records.sigma, float) if absolute else np.full((rows, len(channels)), np.nan)
+        self.solve = _solve if solver == "exact" else batch_diffrax.solve
+        self.progress, self.done = progress, 0
         self.ends: dict[int, list[float]] = {}
-        self.studied = nothing_studied(self.rows, len(self.channels))
-        self.found: LaneResult | None = None
-        self.done = 0
+        tried = np.full(rows, int(bool(buckets)))  # 0 where no record can be fitted
+        super().__init__(
+            channels, loss == "modal", absolute, box, buckets, unusable, buckled, of("kappa"),
+            0.5 / (1 - of("poisson_ratio")), of("viscosity"), np.zeros(rows, int),
+            nothing_found(rows, len(channels), modal=loss == "modal"), nothing_studied(rows, len(channels)),
+            tried, tried.copy(),
+        )  # fmt: skip
 
     def fit_all(self) -> None:
         """Every record from its own spectrum."""
@@ -176,8 +168,6 @@ class _Batch:
             self.counts[bucket.rows] = bucket.counts
             blank = np.full((4, bucket.rows.size), np.nan)
             found = self.lanes(bucket, np.arange(bucket.rows.size), blank, tell=True)
-            if self.found is None:
-                self.found = LaneResult(*(np.zeros((*part.shape[:-1], self.rows), part.dtype) for part in found))
             for whole, part in zip(self.found, found, strict=True):
                 whole[..., bucket.rows] = part
 
@@ -185,7 +175,7 @@ class _Batch:
         """Fit chosen records of a bucket, (4, chosen) starts, until all rest or rounds are out."""
         found = LaneResult(*(np.array(part) for part in self._round(bucket, chosen, starts, tell)))
         for _ in range(ROUNDS - 1):
-            left = np.flatnonzero((found.status == RUNNING) & ~self._hopeless(bucket, chosen))
+            left = np.flatnonzero((found.status == RUNNING) & self.usable[bucket.rows[chosen]])
             if not left.size:
                 break
             more = self._round(bucket, chosen[left], found.unknowns[:, left], False)
@@ -195,10 +185,6 @@ class _Batch:
                     whole[..., left] = part
             found.steps[left] += steps
         return found
-
-    def _hopeless(self, bucket: Bucket, chosen: np.ndarray) -> np.ndarray:
-        rows = bucket.rows[chosen]
-        return self.unusable[rows] | ~self.buckled[rows]
 
     def _round(self, bucket: Bucket, chosen: np.ndarray, starts: np.ndarray, tell: bool) -> LaneResult:
         """Seven steps of chosen records, block by block."""
@@ -223,17 +209,16 @@ class _Batch:
                     whole[block, ..., :length, :] = np.moveaxis(values[lanes[block]], 0, -1)
                 return whole
 
-            numbers = [bucket.counts[lanes].astype(float), bucket.steps[lanes], *(x[rows] for x in self._numbers())]
             raw = BlockInput(
                 blocks(bucket.even if uneven else bucket.values),
-                numbers[0],
-                numbers[1],
+                bucket.counts[lanes].astype(float),
+                bucket.steps[lanes],
                 np.swapaxes(self.sigma[rows], 1, 2),
-                numbers[2],
-                numbers[3],
-                numbers[4],
-                numbers[5],
-                numbers[6],
+                self.volume[rows],
+                self.pressure[rows],
+                self.gas_pressure[rows],
+                self.kappa[rows],
+                self.area_modulus[rows],
                 elapsed=blocks(bucket.elapsed) if uneven else None,
                 uneven=blocks(bucket.values) if uneven else None,
                 noise=None if bucket.noise is None else np.swapaxes(bucket.noise[lanes], 1, 2),
@@ -243,30 +228,13 @@ class _Batch:
             first = np.swapaxes(
                 np.resize(starts[:, at : at + mine.size].T, (together * size, 4)).reshape(together, size, 4), 1, 2
             )
-            found = self.solve(raw, first, *self._box(size), cell, np.asarray(used))
+            found = self.solve(raw, first, *self.box.lanes(size), cell, np.asarray(used))
             flat = lambda x, n=mine.size: np.moveaxis(np.asarray(x), 0, -2).reshape(*x.shape[1:-1], -1)[..., :n]  # noqa: E731
             parts.append(LaneResult(*(flat(part) for part in found)))
             if tell and self.progress is not None:
                 self.done += mine.size
-                self.progress(self.done, self.rows)
+                self.progress(self.done, self.unusable.size)
         return LaneResult(*(np.concatenate(part, axis=-1) for part in zip(*parts, strict=True)))
-
-    def _numbers(self) -> tuple[np.ndarray, ...]:
-        return self.volume, self.pressure, self.gas_pressure, self.kappa, self.area_modulus
-
-    def _box(self, size: int) -> tuple[np.ndarray, np.ndarray]:
-        return np.repeat(self.low[:, None], size, 1), np.repeat(self.high[:, None], size, 1)
-
-    @property
-    def usable(self) -> np.ndarray:
-        """(rows,) records that can be fitted."""
-        return ~self.unusable & self.buckled
-
-    def study(self, which: np.ndarray, noise: str) -> None:
-        """Test what is left of some records."""
-        if self.found is not None:
-            finite = np.isfinite(self.found.cost) & np.all(np.isfinite(self.found.unknowns), axis=0)
-            study(self, which & finite, self.box.free, white=noise == "white")
 
     def try_again(self, count: int, random: np.random.Generator) -> np.ndarray:
         """Random starts where asked for; several for records that ended badly or leave more than their noise.
@@ -274,10 +242,8 @@ class _Batch:
         Returns:
             (rows,) those that were tried.
         """
-        tried = np.zeros(self.rows, bool)
-        if self.found is None:
-            return tried
         usable = self.usable
+        tried = np.zeros(usable.size, bool)
         for care in (False, True):
             bad = usable & ((self.found.status != CONVERGED) | self.studied.misfit)
             if care and not 0 < bad.sum() <= HOPELESS:
@@ -299,16 +265,15 @@ class _Batch:
         self, bucket: Bucket, j: Any, row: Any, count: int, random: np.random.Generator, care: bool
     ) -> list[np.ndarray]:
         """Starts of one record: with care those of several truncation orders, then random ones."""
-        assert self.found is not None
-        rows, here = [], self.found.start[:, row]
+        rows, here, low, high = [], self.found.start[:, row], self.box.low, self.box.high
         if care:
             values = (bucket.values if bucket.even is None else bucket.even)[j][:, : bucket.counts[j]]
             modes = find_modes(bucket.steps[j] * np.arange(int(bucket.counts[j])), values)
             if modes is not None:
                 rest = self.found.rest[:, row]
                 record = _as_record(rest, self.kappa[row], self.area_modulus[row])
-                held = self.low == self.high
-                fix = dict(zip(NAMES[:2], np.exp(self.low[:2]), strict=True)) | {"k_vs": np.sqrt(abs(self.low[2]))}
+                held = low == high
+                fix = dict(zip(NAMES[:2], np.exp(low[:2]), strict=True)) | {"k_vs": np.sqrt(abs(low[2]))}
                 fix = {name: float(x) for (name, x), one in zip(fix.items(), held[:3], strict=True) if one}
                 first = first_start("modal" if self.modal else "strict", [record], [modes], fix if self.modal else {})
                 here = np.array([np.log(first[0]), np.log(first[1]), first[2], -np.log(modes.tau)])
@@ -316,10 +281,9 @@ class _Batch:
         for k in range(count):
             moved = here + np.array([0.3, 0.3, 0.1, 0.4]) * random.standard_normal(4)
             rows.append(moved * np.array([1, 1, -1 if k % 2 else 1, 1]))
-        return [np.clip(one, self.low, self.high) for one in rows]
+        return [np.clip(one, low, high) for one in rows]
 
     def _keep_best(self, bucket: Bucket, places: np.ndarray, more: LaneResult) -> None:
-        assert self.found is not None
         for j in np.unique(places):
             row, mine = bucket.rows[j], np.flatnonzero(places == j)
             rested = np.append(self.found.status[row], more.status[mine]) == CONVERGED

@@ -36,6 +36,10 @@ class Box(NamedTuple):
         """(4,) unknowns that the search moves."""
         return ~self.fixed & ~np.array([False, False, self.held, False])
 
+    def lanes(self, size: int) -> tuple[np.ndarray, np.ndarray]:
+        """Both bounds for records side by side, (4, size) each."""
+        return np.repeat(self.low[:, None], size, 1), np.repeat(self.high[:, None], size, 1)
+
 
 def box_of(loss: str, fix: Mapping[str, float], bounds: Mapping[str, tuple[float, float]]) -> Box:
     """The bounds of a batch.

@@ -4,10 +4,13 @@ Symbols    φ memory from sample to sample   r weighted residual
 """
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from jshell.calibration.batch_bounds import Box
+from jshell.calibration.batch_kernel import LaneResult
 from jshell.calibration.batch_noise import Again, again, columns, memory_of
 from jshell.calibration.batch_residual import Given, ResidualSums, residual
 from jshell.calibration.misfit import is_explained
@@ -51,26 +54,71 @@ def nothing_studied(rows: int, channels: int) -> Studied:
     return Studied(np.zeros((rows, channels)), np.full(rows, np.nan), np.zeros(rows, bool))
 
 
-def study(run: Any, which: np.ndarray, free: np.ndarray, *, white: bool) -> None:
+@dataclass
+class BatchState:
+    """A batch under way: its records, and the best of what was found for each so far; arrays change in place.
+
+    Attributes:
+        channels: What is read.
+        modal: Whether channels have amplitudes of their own.
+        absolute: Whether σ is given.
+        box: Bounds of the unknowns.
+        buckets: The records, side by side.
+        unusable, buckled: (rows,) whether a record cannot be fitted, and whether its shell is buckled.
+        kappa, area_modulus, viscosity: (rows,) of the conditions.
+        counts: (rows,) samples read.
+        found: Fields of `LaneResult`, (…, rows).
+        studied: What was learnt of what is left.
+        tried, agreeing: (rows,) starts, and those of them that ended in the best minimum.
+    """
+
+    channels: tuple[str, ...]
+    modal: bool
+    absolute: bool
+    box: Box
+    buckets: list[Bucket]
+    unusable: np.ndarray
+    buckled: np.ndarray
+    kappa: np.ndarray
+    area_modulus: np.ndarray
+    viscosity: np.ndarray
+    counts: np.ndarray
+    found: LaneResult
+    studied: Studied
+    tried: np.ndarray
+    agreeing: np.ndarray
+
+    @property
+    def usable(self) -> np.ndarray:
+        """(rows,) records that can be fitted."""
+        return ~self.unusable & self.buckled
+
+    @property
+    def finite(self) -> np.ndarray:
+        """(rows,) those of them whose search ended at numbers."""
+        return self.usable & np.isfinite(self.found.cost) & np.all(np.isfinite(self.found.unknowns), axis=0)
+
+
+def study(run: BatchState, which: np.ndarray, *, white: bool) -> None:
     """Test what is left of some records.
 
     Args:
         run: The batch; its `studied` is changed.
-        which: (rows,) records to look at.
-        free: (4,) constants that are fitted.
+        which: (rows,) records to look at, of those whose search ended at numbers.
         white: Take all noise as white.
     """
+    which = which & run.finite
     for bucket in run.buckets:
         everyone = np.flatnonzero(which[bucket.rows])
         for at in range(0, everyone.size, TOGETHER * bucket.lanes):
-            _study(run, bucket, everyone[at : at + TOGETHER * bucket.lanes], free, white=white)
+            _study(run, bucket, everyone[at : at + TOGETHER * bucket.lanes], white=white)
 
 
-def _study(run: Any, bucket: Bucket, chosen: np.ndarray, free: np.ndarray, *, white: bool) -> None:
+def _study(run: BatchState, bucket: Bucket, chosen: np.ndarray, *, white: bool) -> None:
     """The same of some records of a bucket, so few that what is made of them stays in the cache."""
     rows = bucket.rows[chosen]
     left = _leftover(run, bucket, chosen)
-    memory = _memories(run, bucket, chosen, left, free)
+    memory = _memories(run, bucket, chosen, left)
     coherent = _coherent(bucket, chosen, left, memory)
     if not white:
         run.studied.memory[rows] = memory
@@ -85,7 +133,7 @@ def _study(run: Any, bucket: Bucket, chosen: np.ndarray, free: np.ndarray, *, wh
     run.studied.misfit[rows] = misfit.any(axis=1)
 
 
-def remember(run: Any) -> None:
+def remember(run: BatchState) -> None:
     """Fit those records again whose noise remembers.
 
     Args:
@@ -115,7 +163,7 @@ def _alike(counts: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
         yield int(count), np.flatnonzero(counts == count)
 
 
-def _blocks(run: Any, bucket: Bucket, chosen: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray, Given]]:
+def _blocks(run: BatchState, bucket: Bucket, chosen: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray, Given]]:
     """Blocks of records: places among the chosen, the rows of the lanes (a short block repeats its own), and they."""
     size, found = bucket.lanes, run.found
     padded = -(-bucket.values.shape[2] // 16) * 16
@@ -167,7 +215,7 @@ class Leftover(NamedTuple):
         return found
 
 
-def _leftover(run: Any, bucket: Bucket, chosen: np.ndarray) -> Leftover:
+def _leftover(run: BatchState, bucket: Bucket, chosen: np.ndarray) -> Leftover:
     """What is left of chosen records of a bucket."""
     blocks, parts, channels = [], [], bucket.values.shape[1]
     peak = np.empty((chosen.size, channels))
@@ -183,7 +231,7 @@ def _leftover(run: Any, bucket: Bucket, chosen: np.ndarray) -> Leftover:
     return Leftover(blocks, ResidualSums(None, *sums), peak)
 
 
-def _memories(run: Any, bucket: Bucket, chosen: np.ndarray, left: Leftover, free: np.ndarray) -> np.ndarray:
+def _memories(run: BatchState, bucket: Bucket, chosen: np.ndarray, left: Leftover) -> np.ndarray:
     """(chosen, channels) φ where the tests of white noise fail, else 0."""
     count, sums = bucket.counts[chosen, None], left.sums
     with np.errstate(all="ignore"):
@@ -191,8 +239,8 @@ def _memories(run: Any, bucket: Bucket, chosen: np.ndarray, left: Leftover, free
         correlated = is_correlated(lag1 * np.sqrt(count), runs_from(sums.above, sums.changes, count))
     memory, some = np.zeros(correlated.shape), np.flatnonzero(correlated.any(axis=1))
     # of a channel, alpha1, alpha2 and k_vs move the two frequencies; what else they do its own amplitudes do as well
-    fitted = free.astype(float)
-    fitted[0] *= not free[:3].all()
+    fitted = run.box.free.astype(float)
+    fitted[0] *= not run.box.free[:3].all()
     for mine, rows, given in _blocks(run, bucket, chosen[some]):
         at = run.found.unknowns[:, rows], run.found.state[: -bucket.values.shape[1], rows], fitted
         mine_left = left.records(some[mine])
@@ -271,7 +319,7 @@ def _whitened(bucket: Bucket, chosen: np.ndarray, left: np.ndarray, memory: np.n
     return found
 
 
-def _fit_again(run: Any, bucket: Bucket, chosen: np.ndarray, memory: np.ndarray) -> None:
+def _fit_again(run: BatchState, bucket: Bucket, chosen: np.ndarray, memory: np.ndarray) -> None:
     """The constants and errors of autocorrelated noise, from the minimum of white noise."""
     found, padded = run.found, -(-bucket.values.shape[2] // 16) * 16
     over = None
@@ -279,10 +327,9 @@ def _fit_again(run: Any, bucket: Bucket, chosen: np.ndarray, memory: np.ndarray)
         over = np.array([[_over_steps(bucket, j, phi) for phi in phis] for j, phis in zip(chosen, memory, strict=True)])
     for mine, rows, given in _blocks(run, bucket, chosen):
         lanes = np.resize(mine, rows.size)
-        box = tuple(np.repeat(end[:, None], rows.size, 1) for end in (run.low, run.high))
         start, rested = found.unknowns[:, rows], (found.status[rows] == CONVERGED) & ~run.studied.misfit[rows]
         steps = None if over is None else side_by_side(over[lanes], padded)
-        ended = again(start, rested, memory[lanes].T, steps, box, given)
+        ended = again(start, rested, memory[lanes].T, steps, run.box.lanes(rows.size), given)
         ended, rows = Again(*(np.asarray(part)[..., : mine.size] for part in ended)), rows[: mine.size]
         found.normal[..., rows] = ended.normal
         run.studied.whitened[rows] = ended.cost

@@ -23,6 +23,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from jshell.calibration import batch_modal
@@ -282,6 +283,16 @@ class LaneResult(NamedTuple):
     rest: Any
     start: Any
     heard: Any
+
+
+def nothing_found(rows: int, channels: int, *, modal: bool) -> LaneResult:
+    """Before any record was fitted: zeros of NumPy, `rows` last."""
+    u, linear = UNKNOWNS, 5 * channels if modal else 6
+    shapes = (u,), (), (u, u), (), (), (channels,), (linear,), (2,), (u, 2), (2,), (u,), ()
+    kinds = {"status": int, "steps": int, "heard": bool}
+    return LaneResult(
+        *(np.zeros((*s, rows), kinds.get(name, float)) for s, name in zip(shapes, LaneResult._fields, strict=True))
+    )
 
 
 def solve(

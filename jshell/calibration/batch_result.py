@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy.special
 
+from jshell.calibration.batch_examine import BatchState
 from jshell.calibration.uncertainty import in_words
 from jshell.calibration.undetermined import PART
 from jshell.display import ended, number, readable, shown
@@ -184,34 +185,22 @@ class BatchResult:
         return "\n".join(lines)
 
 
-def read(run) -> BatchResult:
+def read(run: BatchState) -> BatchResult:
     """The table of a batch that has ended."""
-    found, rows, box, channels = run.found, run.rows, run.box, len(run.channels)
-    told = ("modal" if run.modal else "strict", run.channels)
-    outcome = np.full(rows, int(Outcome.UNUSABLE_DATA))
-    blank = lambda *shape: np.full((rows, *shape), np.nan)  # noqa: E731
-    if found is None:
-        none = np.zeros(rows, int)
-        linear = 5 * channels if run.modal else 6
-        return BatchResult(
-            blank(5), blank(5), blank(5, 5), blank(2), blank(linear), blank(2), outcome, blank(), none, none > 0,
-            blank(4), none, none, none, (), run.absolute, np.zeros((rows, channels)), blank(2), *told,
-        )  # fmt: skip
-    u = found.unknowns
-    usable = ~run.unusable & run.buckled
-    finite = usable & np.isfinite(found.cost) & np.all(np.isfinite(u), axis=0)
+    found, rows, box, channels = run.found, run.unusable.size, run.box, len(run.channels)
+    u, finite = found.unknowns, run.finite
     ended = {CONVERGED: Outcome.OK, RUNNING: Outcome.NOT_CONVERGED}
     outcome = np.full(rows, int(Outcome.STALLED))
     for status, word in ended.items():
         outcome[found.status == status] = int(word)
     free = box.free
-    at_bound = np.any(((u <= run.low[:, None]) | (u >= run.high[:, None])) & free[:, None], axis=0)
+    at_bound = np.any(((u <= box.low[:, None]) | (u >= box.high[:, None])) & free[:, None], axis=0)
     outcome = np.where((outcome == Outcome.OK) & at_bound, int(Outcome.AT_BOUND), outcome)
     outcome = np.where(finite, outcome, int(Outcome.NOT_FINITE))
     outcome = np.where(run.buckled, outcome, int(Outcome.NO_BUCKLED_STATE))
     outcome = np.where(run.unusable, int(Outcome.UNUSABLE_DATA), outcome)
 
-    values = blank(5)
+    values = np.full((rows, 5), np.nan)
     with np.errstate(all="ignore"):
         tau = np.exp(-u[3])
         wet = run.viscosity > 0
@@ -278,11 +267,12 @@ def read(run) -> BatchResult:
     return BatchResult(
         values, hide(stderr), hide(covariance), hide(found.omega.T), hide(found.state.T), hide(found.rest.T), outcome,
         hide(found.cost), channels * run.counts, misfit, hide(start), found.steps, run.tried, run.agreeing,
-        tuple(directions), run.absolute, run.studied.memory, hide(omega_stderr), *told,
+        tuple(directions), run.absolute, run.studied.memory, hide(omega_stderr), "modal" if run.modal else "strict",
+        run.channels,
     )  # fmt: skip
 
 
-def _coupling(unknown: np.ndarray, run: Any) -> np.ndarray:
+def _coupling(unknown: np.ndarray, run: BatchState) -> np.ndarray:
     """k_VS of what the search sees."""
     if not run.modal:
         return unknown
