@@ -26,13 +26,16 @@ from jshell.calibration.batch_kernel import BlockInput, LaneResult, nothing_foun
 from jshell.calibration.batch_result import BatchResult, read
 from jshell.calibration.options import choices_of
 from jshell.calibration.recordings import Bucket, Recordings, bucketed, mean_volumes, records_of, rest_states
-from jshell.calibration.records import EQUILIBRIA
+from jshell.calibration.records import EQUILIBRIA, Record
 from jshell.calibration.starts import find_modes, first_start
 from jshell.errors import BadName, BadValue
 from jshell.oscillator.simulate import SOLVERS
+from jshell.shell.parameters import Reduced
+from jshell.shell.rest import RestState
 from jshell.signals.lane_search import CONVERGED, RUNNING
 from jshell.signals.lanes import VECTORS, blocks_for, side_by_side
 from jshell.signals.pencil_batch import CELLS
+from jshell.signals.wave_sums import padded
 from jshell.trace import Trace
 
 ROUNDS = 12  # of seven steps
@@ -189,7 +192,6 @@ class _Batch(BatchState):
     def _round(self, bucket: Bucket, chosen: np.ndarray, starts: np.ndarray, tell: bool) -> LaneResult:
         """Seven steps of chosen records, block by block."""
         size, length = bucket.lanes, bucket.values.shape[2]
-        padded = -(-length // 16) * 16
         cell = max(1, 2 ** int(np.log2(max(1, length // CELLS))))
         uneven = bucket.elapsed is not None
         together = blocks_for(size)
@@ -202,8 +204,8 @@ class _Batch(BatchState):
 
             def blocks(values, lanes=lanes, used=used):
                 if together == 1:
-                    return side_by_side(values[lanes[0]], padded)[None]
-                whole = np.empty((together, *values.shape[1:-1], padded, size))
+                    return side_by_side(values[lanes[0]], padded(length))[None]
+                whole = np.empty((together, *values.shape[1:-1], padded(length), size))
                 whole[..., length:, :], whole[used:] = 0.0, 0.0
                 for block in range(used):
                     whole[block, ..., :length, :] = np.moveaxis(values[lanes[block]], 0, -1)
@@ -298,12 +300,8 @@ class _Batch(BatchState):
             self.agreeing[row] = sum(c <= min(every) * (1 + 1e-7) for c in every) if np.isfinite(min(every)) else 0
 
 
-def _as_record(rest: np.ndarray, kappa: Any, area_modulus: Any):
+def _as_record(rest: np.ndarray, kappa: Any, area_modulus: Any) -> Record:
     """What `strict_start` reads of a record."""
-    from jshell.calibration.records import Record
-    from jshell.shell.parameters import Reduced
-    from jshell.shell.rest import RestState
-
     conditions = Reduced(0.1, 1.0, 1.0, 1.0, kappa, 1 - 0.5 / area_modulus)
     blank = jnp.zeros(0)
     return Record(blank, blank, blank, conditions, RestState(*rest), ("V", "S"), True)

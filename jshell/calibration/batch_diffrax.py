@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jshell.calibration.batch_kernel import BlockInput, LaneResult, PreparedBlock, found_of, prepare
-from jshell.calibration.batch_shape import UNKNOWNS, Block, pulsations, shape
+from jshell.calibration.batch_shape import UNKNOWNS, Block, pulsations, shape, uncoupled
 from jshell.signals.lane_search import Look, begin, descend
 from jshell.signals.lanes import backward, cholesky, forward, lanewise, listed, total
 
@@ -31,7 +31,7 @@ _prepare = eqx.filter_jit(lanewise(prepare))
 def motion(unknowns: Float[Array, "unknowns block"], data: Block, substeps: int) -> Float[Array, "times 2 4 block"]:
     """ΔV and ΔS at every sample from each unit of the initial state."""
     alpha1, alpha2, k, rate = jnp.exp(unknowns[0]), jnp.exp(unknowns[1]), unknowns[2], jnp.exp(unknowns[3])
-    m1, m2 = alpha1 / (4 * jnp.pi), 2 * alpha2 * data.volume**2 / (9 * jnp.pi**3)
+    m1, m2 = uncoupled(alpha1, alpha2, data.volume, data.gas, data.wall).masses
 
     def field(t, y, args):
         gas, wall, coupling, m1, m2, rate, step = args

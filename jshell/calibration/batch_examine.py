@@ -5,7 +5,7 @@ Symbols    φ memory from sample to sample   r weighted residual
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,11 +25,11 @@ from jshell.calibration.noise import (
     remembered,
     runs_from,
     steps_between,
-    whiten,
 )
 from jshell.calibration.recordings import Bucket
 from jshell.signals.lane_search import CONVERGED
 from jshell.signals.lanes import side_by_side
+from jshell.signals.wave_sums import padded
 
 TOGETHER = 16  # blocks of records that are looked at together
 UNEVEN_SIZES = 2.5  # standard errors between the sizes in both halves, below which no test of ranks fails by COHERENT
@@ -166,14 +166,13 @@ def _alike(counts: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
 def _blocks(run: BatchState, bucket: Bucket, chosen: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray, Given]]:
     """Blocks of records: places among the chosen, the rows of the lanes (a short block repeats its own), and they."""
     size, found = bucket.lanes, run.found
-    padded = -(-bucket.values.shape[2] // 16) * 16
     for at in range(0, chosen.size, size):
         mine = np.arange(at, min(at + size, chosen.size))
         lanes = np.resize(chosen[mine], size)
         rows = bucket.rows[lanes]
         row = lanes[0] if lanes[-1] - lanes[0] == size - 1 and np.all(np.diff(lanes) == 1) else None
         there = lanes if row is None else slice(row, row + size)  # neighbours are read where they lie
-        wide = lambda x, there=there: side_by_side(x[there], padded)  # noqa: E731
+        wide = lambda x, there=there: side_by_side(x[there], padded(x.shape[-1]))  # noqa: E731
         volume, pressure = found.rest[:, rows]
         yield (
             mine,
@@ -266,14 +265,16 @@ def _uneven_memories(parts: np.ndarray, left: np.ndarray, bucket: Bucket, chosen
     return found
 
 
-def _over_steps(bucket: Bucket, j: Any, phi: Any) -> np.ndarray:
-    """(times,) memory over the step to each sample, 0 at the first and beyond the record."""
-    count, memory = int(bucket.counts[j]), np.zeros(bucket.values.shape[2])
-    if bucket.elapsed is None:
-        memory[1:count] = phi
-    else:
-        memory[1:count] = remembered(phi, steps_between(bucket.elapsed[j, :count]))[1:]
-    return memory
+def _over_steps(bucket: Bucket, chosen: np.ndarray, memory: np.ndarray) -> np.ndarray:
+    """(chosen, channels, times) memory over the step to each uneven sample, 0 at the first and beyond the record."""
+    assert bucket.elapsed is not None
+    over = np.zeros((*memory.shape, bucket.values.shape[2]))
+    for k, j in enumerate(chosen):
+        count = int(bucket.counts[j])
+        steps = steps_between(bucket.elapsed[j, :count])
+        for c in np.flatnonzero(memory[k]):
+            over[k, c, 1:count] = remembered(memory[k, c], steps)[1:]
+    return over
 
 
 def _coherent(bucket: Bucket, chosen: np.ndarray, left: Leftover, memory: np.ndarray) -> np.ndarray:
@@ -309,26 +310,18 @@ def _coherent(bucket: Bucket, chosen: np.ndarray, left: Leftover, memory: np.nda
 
 def _whitened(bucket: Bucket, chosen: np.ndarray, left: np.ndarray, memory: np.ndarray) -> np.ndarray:
     """(chosen, channels, count) with the memory taken out, as `noise.whiten`."""
-    if bucket.elapsed is None:
-        phi = memory[..., None]
-        fresh = (left[..., 1:] - phi * left[..., :-1]) / np.sqrt(1 - phi**2)
-        return np.concatenate([left[..., :1], fresh], axis=-1)
-    count, found = left.shape[-1], left.copy()
-    for k, c in zip(*np.nonzero(memory), strict=True):
-        found[k, c] = whiten(left[k, c], _over_steps(bucket, chosen[k], memory[k, c])[:count])
-    return found
+    even = bucket.elapsed is None
+    phi = memory[..., None] if even else _over_steps(bucket, chosen, memory)[..., 1 : left.shape[-1]]
+    return np.concatenate([left[..., :1], (left[..., 1:] - phi * left[..., :-1]) / np.sqrt(1 - phi**2)], axis=-1)
 
 
 def _fit_again(run: BatchState, bucket: Bucket, chosen: np.ndarray, memory: np.ndarray) -> None:
     """The constants and errors of autocorrelated noise, from the minimum of white noise."""
-    found, padded = run.found, -(-bucket.values.shape[2] // 16) * 16
-    over = None
-    if bucket.elapsed is not None:
-        over = np.array([[_over_steps(bucket, j, phi) for phi in phis] for j, phis in zip(chosen, memory, strict=True)])
+    found, over = run.found, None if bucket.elapsed is None else _over_steps(bucket, chosen, memory)
     for mine, rows, given in _blocks(run, bucket, chosen):
         lanes = np.resize(mine, rows.size)
         start, rested = found.unknowns[:, rows], (found.status[rows] == CONVERGED) & ~run.studied.misfit[rows]
-        steps = None if over is None else side_by_side(over[lanes], padded)
+        steps = None if over is None else side_by_side(over[lanes], given.values.shape[1])
         ended = again(start, rested, memory[lanes].T, steps, run.box.lanes(rows.size), given)
         ended, rows = Again(*(np.asarray(part)[..., : mine.size] for part in ended)), rows[: mine.size]
         found.normal[..., rows] = ended.normal

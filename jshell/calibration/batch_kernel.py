@@ -27,7 +27,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jshell.calibration import batch_modal
-from jshell.calibration.batch_shape import UNKNOWNS, Block, Shape, pulsations, shape
+from jshell.calibration.batch_shape import UNKNOWNS, Block, Shape, first_motion, pulsations, shape, uncoupled
 from jshell.calibration.data import SMALLEST_NOISE
 from jshell.shell.elasticity import SPHERE_VOLUME
 from jshell.signals.lane_search import LMState, Look, begin, descend
@@ -212,20 +212,17 @@ def prepare(raw: BlockInput, low: jax.Array, high: jax.Array, cell: int) -> Prep
     volume = jnp.where(jnp.isnan(raw.volume), offset[raw.volume_at], raw.volume)
     own = raw.gas_pressure * (SPHERE_VOLUME / jnp.maximum(volume, 1e-3)) ** raw.kappa
     pressure = jnp.where(jnp.isnan(raw.volume), own, raw.pressure)
+    inside = None
+    if raw.elapsed is not None:
+        assert raw.noise is not None
+        y, mean = stage(centred, go, raw.uneven, raw.count)
+        square, noise = stage(spreads, go, y, raw.count)[0], raw.noise**2
+        inside = (jnp.arange(y.shape[1])[:, None] < raw.count).astype(float)
     floor = SMALLEST_NOISE**2 * square
     weight = 1 / jnp.where(jnp.isnan(raw.sigma), jnp.maximum(noise, floor), raw.sigma**2)
     power = total(weight[c] * square[c] * raw.count for c in channels)
     gas, wall = raw.kappa * pressure / volume, raw.area_modulus / (4 * jnp.pi)
-    data = Block(y, mean, power, raw.count, raw.step, weight, gas, wall, volume, modal=raw.modal)
-    if raw.elapsed is not None:
-        y, mean = stage(centred, go, raw.uneven, raw.count)
-        square, _ = stage(spreads, go, y, raw.count)
-        assert raw.noise is not None
-        own = jnp.maximum(raw.noise**2, SMALLEST_NOISE**2 * square)
-        weight = 1 / jnp.where(jnp.isnan(raw.sigma), own, raw.sigma**2)
-        power = total(weight[c] * square[c] * raw.count for c in channels)
-        inside = (jnp.arange(y.shape[1])[:, None] < raw.count).astype(float)
-        data = Block(y, mean, power, raw.count, raw.step, weight, gas, wall, volume, raw.elapsed, inside, raw.modal)
+    data = Block(y, mean, power, raw.count, raw.step, weight, gas, wall, volume, raw.elapsed, inside, raw.modal)
     if raw.modal:
         start = stage(lambda turn, decay: batch_modal.start(turn, decay, data, low, high), go, turn, decay)
     else:
@@ -241,13 +238,13 @@ def _constants(waves: list[jax.Array], decay: jax.Array, turn: jax.Array, data: 
     w2 = (turn**2 + decay**2) / data.step**2
     largest = lambda x: jnp.maximum(jnp.sqrt(jnp.maximum(x[0] ** 2 + x[1] ** 2, x[2] ** 2 + x[3] ** 2)), 1e-300)  # noqa: E731
     first, second = 1 / (data.gas * largest(V)), 1 / (data.wall * largest(S))
-    inertia = 2 * data.volume**2 / (9 * jnp.pi**3)
+    m1, m2 = uncoupled(1.0, 1.0, data.volume, data.gas, data.wall).masses
     lines = []  # coefficients of alpha1, alpha2, k, and the right side
     zero = jnp.zeros_like(rate)
     for i in range(4):
         w = w2[i // 2]
-        lines.append((first * w / (4 * jnp.pi) * V[i], zero, -first * S[i] / data.volume, first * data.gas * V[i]))
-        lines.append((zero, second * inertia * w * S[i], -second * V[i] / data.volume, second * data.wall * S[i]))
+        lines.append((first * w * m1 * V[i], zero, -first * S[i] / data.volume, first * data.gas * V[i]))
+        lines.append((zero, second * m2 * w * S[i], -second * V[i] / data.volume, second * data.wall * S[i]))
     N = [[total(line[i] * line[j] for line in lines) for j in range(3)] for i in range(3)]
     right = [total(line[i] * line[3] for line in lines) for i in range(3)]
     L = cholesky(N, go)
@@ -318,9 +315,6 @@ def solve(
             swing = [total(at.linear[4 * c + i] * at.sums[i] for i in range(4)) for c in range(len(data.mean))]
             rest = [data.mean[c] - part / data.count for c, part in enumerate(swing)]
             return jnp.concatenate([at.linear, jnp.stack(rest)]), *pulsations(modes)
-        cosine, sine = at.linear[0::2], at.linear[1::2]
-        rates = modes.damped * sine - modes.rate * cosine
-        motion = [total(modes.shapes[c, m] * x[m] for m in range(2)) for x in (cosine, rates) for c in range(2)]
         swing = [
             total(
                 modes.shapes[c, m] * (at.linear[2 * m] * at.sums[2 * m] + at.linear[2 * m + 1] * at.sums[2 * m + 1])
@@ -329,7 +323,7 @@ def solve(
             for c in range(2)
         ]
         rest = [data.mean[c] - swing[c] / data.count for c in range(2)]
-        return jnp.stack([*motion, *rest]), *pulsations(modes)
+        return jnp.stack([*first_motion(modes, at.linear), *rest]), *pulsations(modes)
 
     state, omega, slope = stage(read, go, search, ready.data)
     return found_of(search, ready, first, state, omega, slope)

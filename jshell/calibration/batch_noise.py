@@ -22,7 +22,7 @@ from jaxtyping import Array, Float
 
 from jshell.calibration.batch_kernel import projected, tangents
 from jshell.calibration.batch_residual import Given, amplitudes, left_of
-from jshell.calibration.batch_shape import Block, pulsations, shape
+from jshell.calibration.batch_shape import Block, first_motion, pulsations, shape
 from jshell.calibration.batch_waves import basis, even_sums, products, uneven_sums, waves_of, whitened
 from jshell.calibration.noise import STRONGEST
 from jshell.signals.lane_search import CONVERGED, Look, begin, descend
@@ -246,10 +246,5 @@ def _read(search: Any, data: Block) -> Again:
         return Again(search.unknowns, at.cost, at.normal, state, *pulsations(modes), power)
 
     if data.modal:
-        state = jnp.concatenate([at.linear, jnp.stack(rest)])
-        return found(state)
-    cosine, sine = at.linear[0::2], at.linear[1::2]
-    rates = modes.damped * sine - modes.rate * cosine
-    motion = [total(modes.shapes[c, m] * x[m] for m in range(2)) for x in (cosine, rates) for c in range(2)]
-    state = jnp.stack([*motion, *rest])
-    return found(state)
+        return found(jnp.concatenate([at.linear, jnp.stack(rest)]))
+    return found(jnp.stack([*first_motion(modes, at.linear), *rest]))

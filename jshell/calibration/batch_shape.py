@@ -13,6 +13,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jshell.signals.lanes import total
+
 UNKNOWNS = 4
 
 
@@ -100,6 +102,14 @@ def coupled(a: Any, b: Any, c2: Any) -> tuple[Any, Any, Any, Any]:
     return (a * b - c2) / fast, fast, half, gap
 
 
+def _turning(slow: jax.Array, fast: jax.Array, gap: jax.Array, rate: jax.Array) -> tuple[jax.Array, ...]:
+    """(2, block) ω² and Ω; and whether both modes turn, and apart, where Ω is not 1."""
+    w2 = jnp.stack([slow, fast])
+    turning = w2 - rate**2
+    sound = (turning[0] > 1e-6 * fast) & (gap > 1e-9 * fast)
+    return w2, jnp.sqrt(jnp.where(sound, turning, 1.0)), sound
+
+
 def shape(unknowns: Float[Array, "unknowns block"], data: Any) -> Shape:
     """Modes of given constants, with derivatives by perturbation of M and K; of the block its shells are read."""
     if data.modal:
@@ -113,10 +123,7 @@ def shape(unknowns: Float[Array, "unknowns block"], data: Any) -> Shape:
     x, y = x / size, y / size
     V, S = jnp.stack([-y, x]) / jnp.sqrt(m1), jnp.stack([x, y]) / jnp.sqrt(m2)
 
-    w2 = jnp.stack([slow, fast])
-    turning = w2 - rate**2
-    sound = (turning[0] > 1e-6 * fast) & (gap > 1e-9 * fast)
-    damped = jnp.sqrt(jnp.where(sound, turning, 1.0))
+    w2, damped, sound = _turning(slow, fast, gap, rate)
     zero = jnp.zeros_like(w2)
     own = jnp.stack([-w2 * m1 * V * V, -w2 * m2 * S * S, 2 * V * S / data.volume, -2 * jnp.stack([rate**2] * 2)])
     cross = jnp.stack(
@@ -134,10 +141,7 @@ def _of_frequencies(unknowns: Float[Array, "unknowns block"], data: Any) -> Shap
     a, b, unit, _ = uncoupled(alpha1, alpha2, data.volume, data.gas, data.wall)
     c2 = k2 * unit
     slow, fast, half, gap = coupled(a, b, c2)
-    w2 = jnp.stack([slow, fast])
-    turning = w2 - rate**2
-    sound = (turning[0] > 1e-6 * fast) & (gap > 1e-9 * fast)
-    damped = jnp.sqrt(jnp.where(sound, turning, 1.0))
+    _, damped, sound = _turning(slow, fast, gap, rate)
 
     # of w² = (a + b)/2 ∓ gap, with both motions alone and their coupling
     sign, safe = jnp.array([-1.0, 1.0])[:, None], jnp.where(sound, gap, 1.0)
@@ -153,3 +157,10 @@ def pulsations(modes: Shape) -> tuple[jax.Array, jax.Array]:
     omega = jnp.sqrt(modes.damped**2 + modes.rate**2)
     by_rate = jnp.zeros_like(modes.damped_slope).at[3].set(modes.rate**2 * jnp.ones_like(omega))
     return omega, (modes.damped * modes.damped_slope + by_rate) / omega
+
+
+def first_motion(modes: Shape, linear: jax.Array) -> list[jax.Array]:
+    """ΔV, ΔS and their rates at the first sample, from the factors of the basis as `Look` has them."""
+    cosine, sine = linear[0::2], linear[1::2]
+    rates = modes.damped * sine - modes.rate * cosine
+    return [total(modes.shapes[c, m] * x[m] for m in range(2)) for x in (cosine, rates) for c in range(2)]

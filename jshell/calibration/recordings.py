@@ -20,13 +20,14 @@ from jshell.calibration.sampling import noise_of, sampling
 from jshell.errors import BadName, BadShape, BadValue, RangeWarning
 from jshell.oscillator.simulate import is_buckled
 from jshell.shell.parameters import Reduced
-from jshell.shell.rest import RestState, buckled_state
+from jshell.shell.rest import buckled_state
 from jshell.signals import MEASURED
 from jshell.signals.lanes import lanes_for
 from jshell.signals.wave_sums import INNER
 from jshell.trace import Trace, traces_of
 
 FEWEST = 32  # samples of a record
+_buckled_state = jax.jit(buckled_state)
 
 
 class Recordings(eqx.Module):
@@ -269,11 +270,6 @@ def bucketed(records: Recordings) -> tuple[list[Bucket], np.ndarray]:
     return buckets, unusable
 
 
-@jax.jit
-def _plateau(conditions: Reduced) -> RestState:
-    return buckled_state(conditions)
-
-
 def mean_volumes(records: Recordings) -> np.ndarray:
     """(rows,) mean of V over the samples that are there; NaN where there are none, or no V."""
     if "V" not in records.channels:
@@ -305,7 +301,7 @@ def rest_states(records: Recordings, equilibrium: str) -> tuple[np.ndarray, np.n
         return blank, blank, np.ones(rows, bool)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RangeWarning)
-        state = _plateau(records.conditions.as_arrays())
+        state = _buckled_state(records.conditions.as_arrays())
     buckled = np.broadcast_to(np.asarray(is_buckled(state)), (rows,))
     spread = lambda x: np.broadcast_to(np.asarray(x, dtype=float), (rows,))  # noqa: E731
     return spread(state.volume), spread(state.pressure), buckled

@@ -26,7 +26,7 @@ from jshell.signals.lanes import BLOCK, centred, lanewise, spreads, stage, total
 from jshell.signals.pencil import rates
 from jshell.signals.pencil_batch import CELLS, poles
 from jshell.signals.two_waves import explained
-from jshell.signals.wave_sums import INNER, data_sums, gram
+from jshell.signals.wave_sums import data_sums, gram, padded
 
 TOGETHER = 16
 ROUNDS = 12
@@ -209,7 +209,6 @@ def _rounds(data, n, chosen, starts, hopeless) -> BlockFit:
 
 def _once(data, n, chosen, starts) -> BlockFit:
     length = data.shape[1]
-    padded = -(-length // INNER) * INNER
     cell = max(1, 2 ** int(np.log2(max(1, length // CELLS))))
     together = TOGETHER if length <= 16384 else 1
     parts = []
@@ -217,7 +216,7 @@ def _once(data, n, chosen, starts) -> BlockFit:
         mine = chosen[at : at + BLOCK * together]
         lanes = np.resize(mine, BLOCK * together).reshape(together, BLOCK)
         used = -(-mine.size // BLOCK)
-        values = np.zeros((together, 1, padded, BLOCK))
+        values = np.zeros((together, 1, padded(length), BLOCK))
         for block in range(used):
             values[block, 0, :length] = data[lanes[block]].T
         first = np.resize(starts[:, at : at + mine.size].T, (together * BLOCK, 3)).reshape(together, BLOCK, 3)

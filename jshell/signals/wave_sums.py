@@ -18,6 +18,11 @@ from jshell.signals.lanes import stage, total
 INNER = 16  # samples that one unrolled sum takes
 
 
+def padded(length: int) -> int:
+    """The length rounded up to whole groups of INNER samples."""
+    return -(-length // INNER) * INNER
+
+
 def powers(
     real: Float[Array, "modes block"], imag: Float[Array, "modes block"], groups: int
 ) -> tuple[jax.Array, jax.Array, list[tuple[jax.Array, jax.Array]]]:
