@@ -28,7 +28,7 @@ from jshell.calibration.options import choices_of
 from jshell.calibration.recordings import Bucket, Recordings, bucketed, mean_volumes, records_of, rest_states
 from jshell.calibration.records import EQUILIBRIA, Record
 from jshell.calibration.starts import find_modes, first_start
-from jshell.errors import BadName, BadValue
+from jshell.errors import BadName, BadValue, choose
 from jshell.oscillator.simulate import SOLVERS
 from jshell.shell.parameters import Reduced
 from jshell.shell.rest import RestState
@@ -99,13 +99,7 @@ def fit_batch(
         ("noise", noise, tuple(choices_of("noise"))),
         ("loss", loss, tuple(choices_of("loss"))),
     ):
-        if value not in known:
-            raise BadName(
-                f"{place} {value!r}",
-                found="no such choice",
-                expected=" or ".join(x for x in known if x),
-                remedy="Choose one.",
-            )
+        choose(place, value, known, expected=" or ".join(x for x in known if x))
     loss, records = records_of(traces, loss, channels)
     if loss == "modal" and solver != "exact":
         raise BadName(

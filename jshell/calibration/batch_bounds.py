@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jshell.errors import BadName, BadValue
+from jshell.errors import BadValue, choose
 
 NAMES = ("alpha1", "alpha2", "k_vs", "tau")
 WIDEST = ((0.02, 500.0), (0.02, 500.0), (-np.inf, np.inf), (1e-3, 1e4))
@@ -49,13 +49,8 @@ def box_of(loss: str, fix: Mapping[str, float], bounds: Mapping[str, tuple[float
         BadValue: An impossible bound or value; nothing free.
     """
     for name in (*fix, *bounds):
-        if name not in NAMES:
-            raise BadName(
-                f"parameter {name!r}",
-                found="no such parameter of a batch fit",
-                expected=", ".join(NAMES),
-                remedy="Use tau = alpha1/(2 beta1 viscosity) for beta1, or fit_trajectories.",
-            )
+        remedy = "Use tau = alpha1/(2 beta1 viscosity) for beta1, or fit_trajectories."
+        choose("parameter", name, NAMES, noun="parameter of a batch fit", remedy=remedy)
     low, high, fixed = np.zeros(4), np.zeros(4), np.zeros(4, bool)
     for i, name in enumerate(NAMES):
         least, most = (fix[name], fix[name]) if name in fix else bounds.get(name, WIDEST[i])

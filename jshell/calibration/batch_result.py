@@ -13,7 +13,7 @@ from jshell.calibration.batch_examine import BatchState
 from jshell.calibration.uncertainty import in_words
 from jshell.calibration.undetermined import PART
 from jshell.display import ended, number, readable, shown
-from jshell.errors import MissingExtra, Outcome
+from jshell.errors import Outcome, require_extra
 from jshell.signals.lane_search import CONVERGED, RUNNING
 
 if TYPE_CHECKING:
@@ -152,12 +152,7 @@ class BatchResult:
         Raises:
             MissingExtra: xarray is not installed.
         """
-        try:
-            import xarray
-        except ImportError as error:
-            raise MissingExtra(
-                "to_xarray", found="no xarray", expected="the extra `io`", remedy="pip install 'jshell[io]'"
-            ) from error
+        xarray = require_extra("xarray", "io", "to_xarray")
         variables: dict[str, Any] = {name: ("row", values) for name, values in self.columns().items()}
         variables["covariance"] = (("row", "parameter", "parameter2"), self.covariance)
         names = {"parameter": list(PARAMETERS), "parameter2": list(PARAMETERS)}

@@ -17,7 +17,7 @@ import numpy as np
 from jshell.calibration.agreement import holder
 from jshell.calibration.data import conditions_of, with_sigma
 from jshell.calibration.sampling import noise_of, sampling
-from jshell.errors import BadName, BadShape, BadValue, RangeWarning
+from jshell.errors import BadName, BadShape, BadValue, RangeWarning, choose
 from jshell.oscillator.simulate import is_buckled
 from jshell.shell.parameters import Reduced
 from jshell.shell.rest import buckled_state
@@ -75,14 +75,8 @@ class Recordings(eqx.Module):
         """
         if names == self.channels:
             return self
-        for name in names:
-            if name not in self.channels:
-                raise BadName(
-                    f"channel {name!r}",
-                    found="no such channel",
-                    expected=", ".join(self.channels),
-                    remedy="Say which channels the recordings have: Recordings(…, channels=…).",
-                )
+        remedy = "Say which channels the recordings have: Recordings(…, channels=…)."
+        names = tuple(choose("channel", name, self.channels, remedy=remedy) for name in names)
         at = [self.channels.index(name) for name in names]
         sigma = None if self.sigma is None else self.sigma[:, at]
         return Recordings(self.times, self.values[:, at], self.conditions, sigma, self.counts, names)
