@@ -39,7 +39,9 @@ def motion(unknowns: Float[Array, "unknowns block"], data: Block, substeps: int)
         return step * jnp.concatenate([y[2:], -pull - 2 * rate * y[2:]])
 
     times = data.values.shape[1]
-    diffrax = importlib.import_module("diffrax")  # takes long to load, and most fits need none
+    # not by `integrator`: its samples come from the dense output, which rounds otherwise than the ends of the steps
+    # taken here and costs a tenth to a quarter more; loaded here since that takes long and most fits need none
+    diffrax = importlib.import_module("diffrax")
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(field),
         diffrax.Dopri8(),

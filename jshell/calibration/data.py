@@ -152,16 +152,16 @@ def usual_channels(
 
 
 def chosen_channels(
-    traces: list[Trace], loss: str | None, channels: Sequence[str] | None
+    traces: list[Trace], loss: str | None, channels: Sequence[str] | None, *, moving: bool = True
 ) -> tuple[str, tuple[str, ...]]:
-    """The loss and the channels it reads, by `usual_channels`, once they are found to be there and to move.
+    """The loss and the channels it reads, by `usual_channels`, once they are found to be there and, `moving`, to move.
 
     Raises:
         BadName: A channel that is missing, or that the strict loss does not know.
     """
     loss, names = usual_channels(traces, loss, channels)
     for name in names:
-        for number, trace in enumerate(traces, 1):
+        for number, trace in enumerate(traces if moving else [], 1):
             _refuse_still(np.asarray(trace[name], dtype=float), name, number)
     if not names:
         raise BadName("channels", found="none in common", expected="a channel in every trace", remedy="Name some.")

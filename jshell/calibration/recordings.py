@@ -8,20 +8,19 @@ Symbols    V volume [R0³]   S area [R0²]   times [sqrt(ρ_f R0³/(E d))]
 
 import warnings
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import numpy as np
 
 from jshell.calibration.agreement import holder
-from jshell.calibration.data import conditions_of, with_sigma
+from jshell.calibration.data import chosen_channels, conditions_of, with_sigma
 from jshell.calibration.sampling import noise_of, sampling
 from jshell.errors import BadName, BadShape, BadValue, RangeWarning, choose
 from jshell.oscillator.simulate import is_buckled
 from jshell.shell.parameters import Reduced
 from jshell.shell.rest import buckled_state
-from jshell.signals import MEASURED
 from jshell.signals.lanes import lanes_for
 from jshell.signals.wave_sums import INNER
 from jshell.trace import Trace, traces_of
@@ -125,27 +124,13 @@ def records_of(
         BadName: A channel that is missing, or that the strict loss does not know.
         BadValue: No record, or something that is none.
     """
-    names = tuple(channels or ())
-    if isinstance(traces, Recordings):
-        there = traces.channels
-    else:
-        traces = traces_of(traces)
-        there = tuple(name for name in traces[0].channels if all(name in one.channels for one in traces))
-    if loss is None:
-        loss = "strict" if (not names and {"V", "S"} <= set(there)) or set(names) == {"V", "S"} else "modal"
-    if loss == "strict":
-        if names and set(names) != {"V", "S"}:
-            raise BadName(
-                "channels",
-                found=", ".join(names),
-                expected="V and S, the oscillator's own coordinates, for the strict loss",
-                remedy='Choose channels=("V", "S"), or loss="modal", which takes any channel.',
-            )
-        names = ("V", "S")
-    names = names or tuple(name for name in there if name in MEASURED) or there
-    if not names:
-        raise BadName("channels", found="none in common", expected="a channel in every trace", remedy="Name some.")
-    return loss, traces.of(names) if isinstance(traces, Recordings) else stacked(traces, names, loss)
+    given: Any = [traces] if isinstance(traces, Recordings) else traces_of(traces)  # of both the channels are read
+    if loss is None and not channels and all({"V", "S"} <= set(one.channels) for one in given):
+        loss = (
+            "strict"  # a batch takes it beside H and W, too, where a single fit would read all four by the modal loss
+        )
+    loss, names = chosen_channels(given, loss, channels, moving=False)
+    return loss, traces.of(names) if isinstance(traces, Recordings) else stacked(given, names, loss)
 
 
 def stacked(traces: Sequence[Trace], names: tuple[str, ...] = ("V", "S"), loss: str = "strict") -> Recordings:
