@@ -54,6 +54,7 @@ def look(unknowns: Float[Array, "unknowns block"], data: Block) -> Look:
         return size * jnp.cos(turn), size * jnp.sin(turn)
 
     modes, decay, turn = stage(rates, go, unknowns)
+    # closed geometric sums of the waves: an even record is read once, for its own sums with them
     if data.elapsed is None:
         real, imag = stage(roots, go, decay, turn)
         d = data_sums(data.values, real, imag, go)
@@ -83,15 +84,18 @@ def projected(modes: Shape, d: jax.Array, G: jax.Array, power: jax.Array, sums: 
     def linear(G, d, shapes):
         P = jnp.repeat(shapes, 2, axis=1)  # (channels, 4, block): shape of the mode behind each basis function
         squares = [w[c] * P[c][:, None] * P[c][None, :] for c in range(2)]
+        # V and S share four amplitudes: their normal equations add up; t times a wave comes in with derivatives only
         W = total(squares) * G[:4, :4] if G.ndim == 3 else total(squares[c] * G[c, :4, :4] for c in range(2))
         return P, W, total(w[c] * P[c] * d[c, :4] for c in range(2))
 
     P, N, right = stage(linear, go, G, d, modes.shapes)
     L = cholesky(listed(N), go)
+    # variable projection: what the best amplitudes C explain, half·half, is taken off the power of the data
     half = forward(L, [right[i] for i in range(4)], go)
     C = backward(L, half, go)
     cost = power - total(x * x for x in half)
 
+    # Kaufman: of the derivatives at fixed C, what the amplitudes could follow is projected out
     X = stage(lambda C, modes: tangents([C, C], modes, data.step), go, C, modes)
     GX = stage(lambda G, X: total(X[:, :, j, None] * G[:, None, j] for j in range(8)), go, each, X)
     mixed = stage(lambda GX, P: total(w[c] * GX[c, :, :4] * P[c] for c in range(2)), go, GX, P)  # (unknowns, 4, block)
@@ -104,6 +108,7 @@ def projected(modes: Shape, d: jax.Array, G: jax.Array, power: jax.Array, sums: 
         return gradient, straight - total(U[j][:, None] * U[j][None, :] for j in range(4)), jnp.stack(C)
 
     gradient, normal, best = stage(products, go, X, GX, mixed, U, C)
+    # modes that do not turn, or meet, are no such motion: a step to there is refused
     cost = jnp.where(modes.sound & jnp.isfinite(cost), cost, jnp.inf)
     return Look(cost, gradient, normal, best, sums)
 
@@ -121,6 +126,7 @@ def tangents(
             for m in range(2):
                 r, i, own = C[2 * m], C[2 * m + 1], modes.shapes[c, m]
                 turn_slope, shape_slope = modes.damped_slope[u, m] * step, modes.shape_slope[c, u, m]
+                # another shape scales a wave; another decay or turn gives t times it
                 early += [shape_slope * r, shape_slope * i]
                 late += [own * (i * turn_slope - r * decay_slope[u]), own * (-r * turn_slope - i * decay_slope[u])]
             tangents += early + late
@@ -193,6 +199,7 @@ def prepare(raw: BlockInput, low: jax.Array, high: jax.Array, cell: int) -> Prep
     go = raw.count[0] >= 0
     y, mean = stage(centred, go, raw.values, raw.count)
     square, noise = stage(spreads, go, y, raw.count)
+    # each channel in units of its scatter, so that the pencil weighs all alike; one that stands still divides by no 0
     scale = jax.lax.rsqrt(jnp.maximum(square, 1e-300))
     growth, turn = poles(y, raw.count, scale, cell, go)
 
@@ -207,17 +214,20 @@ def prepare(raw: BlockInput, low: jax.Array, high: jax.Array, cell: int) -> Prep
     d = data_sums(y, real, imag, go)
     L = cholesky(listed(G[:4, :4]), go)
     waves = [jnp.stack(backward(L, forward(L, [d[c, i] for i in range(4)], go), go)) for c in channels]
+    # at rest a channel is at its mean less that of the waves
     offset = mean - jnp.stack([total(waves[c][i] * sums[i] for i in range(4)) for c in channels]) / raw.count
 
     volume = jnp.where(jnp.isnan(raw.volume), offset[raw.volume_at], raw.volume)
     own = raw.gas_pressure * (SPHERE_VOLUME / jnp.maximum(volume, 1e-3)) ** raw.kappa
     pressure = jnp.where(jnp.isnan(raw.volume), own, raw.pressure)
+    # of uneven records the start came from even times; what is fitted is the record itself
     inside = None
     if raw.elapsed is not None:
         assert raw.noise is not None
         y, mean = stage(centred, go, raw.uneven, raw.count)
         square, noise = stage(spreads, go, y, raw.count)[0], raw.noise**2
         inside = (jnp.arange(y.shape[1])[:, None] < raw.count).astype(float)
+    # a record without noise would weigh without end: below a thousandth of the scatter all are weighed alike
     floor = SMALLEST_NOISE**2 * square
     weight = 1 / jnp.where(jnp.isnan(raw.sigma), jnp.maximum(noise, floor), raw.sigma**2)
     power = total(weight[c] * square[c] * raw.count for c in channels)
@@ -228,6 +238,7 @@ def prepare(raw: BlockInput, low: jax.Array, high: jax.Array, cell: int) -> Prep
     else:
         start = stage(lambda w, s, r: _constants(w, s, r, data, go), go, waves, decay, turn)
     heard = (turn[0] > 0) & (turn[1] < 0.9 * jnp.pi) & jnp.all(jnp.isfinite(start), axis=0)
+    # an unknown whose start is lost begins at α1 = 1, α2 = 1, k_VS = 0 or τ = 1: the search may still find the way
     return PreparedBlock(data, jnp.where(jnp.isfinite(start), start, 0.0), pressure, heard)
 
 
@@ -239,6 +250,7 @@ def _constants(waves: list[jax.Array], decay: jax.Array, turn: jax.Array, data: 
     largest = lambda x: jnp.maximum(jnp.sqrt(jnp.maximum(x[0] ** 2 + x[1] ** 2, x[2] ** 2 + x[3] ** 2)), 1e-300)  # noqa: E731
     first, second = 1 / (data.gas * largest(V)), 1 / (data.wall * largest(S))
     m1, m2 = uncoupled(1.0, 1.0, data.volume, data.gas, data.wall).masses
+    # of each wave both equations of motion, linear in the constants, each in units of its stiffness and largest wave
     lines = []  # coefficients of alpha1, alpha2, k, and the right side
     zero = jnp.zeros_like(rate)
     for i in range(4):
@@ -249,6 +261,7 @@ def _constants(waves: list[jax.Array], decay: jax.Array, turn: jax.Array, data: 
     right = [total(line[i] * line[3] for line in lines) for i in range(3)]
     L = cholesky(N, go)
     alpha1, alpha2, k = backward(L, forward(L, right, go), go)
+    # noise may give a mass below 0, which has no logarithm
     logs = [jnp.log(jnp.clip(x, 0.05, 50.0)) for x in (alpha1, alpha2)]
     return jnp.stack([*logs, k, jnp.log(rate)])
 
@@ -352,6 +365,7 @@ def solve_blocks(
 
     def body(given):
         number, block = given
+        # the last call is seldom full: blocks beyond `used` are passed over
         return jax.lax.cond(number < used, one, lambda _: nothing, block)
 
     return jax.lax.map(body, (jnp.arange(start.shape[0]), (raw, start)))

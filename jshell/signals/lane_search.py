@@ -66,7 +66,9 @@ def begin(unknowns: Float[Array, "unknowns block"], data, look: Looks) -> LMStat
     """A search that has not moved yet."""
     first = look(unknowns, data)
     zero = jnp.zeros(unknowns.shape[1], int)
+    # where the model does not exist, as where two modes do not turn, there is no slope to go down
     status = jnp.where(jnp.isfinite(first.cost), RUNNING, STUCK)
+    # starts are near, from the record's spectrum or an earlier fit: the first step is nearly that of Gauss and Newton
     return LMState(unknowns, first, jnp.full(unknowns.shape[1], 1e-4), status, zero)
 
 
@@ -79,23 +81,29 @@ def descend(
 ) -> LMState:
     """`STEPS` further steps of every trace that still runs."""
 
-    go = data.count[0] >= 0
+    go = data.count[0] >= 0  # true, which the compiler cannot know, see `stage`
 
     def step(_, search: LMState) -> LMState:
         u, at, damping = search.unknowns, search.look, search.damping
+        # an unknown at a bound that the gradient pushes outward waits, as does one that is fixed: its bounds are alike
         held = ((u <= low) & (at.gradient < 0)) | ((u >= high) & (at.gradient > 0))
         g = [jnp.where(held[i], 0.0, at.gradient[i]) for i in range(u.shape[0])]
         A = listed(at.normal)
+        # what waits has a row and a column of the unit matrix and moves by nothing: all lanes solve one size of system
         H = [[jnp.where(held[i] | held[j], 0.0, A[i][j]) for j in range(u.shape[0])] for i in range(u.shape[0])]
         for i in range(u.shape[0]):
+            # Marquardt's scaling: damping is a part of the diagonal, and the unknowns' units do not matter
             H[i][i] = jnp.where(held[i], 1.0, A[i][i] * (1 + damping) + 1e-300)
         L = cholesky(H, go)
         full = jnp.stack(backward(L, forward(L, g, go), go))
+        # at most 0.7 in any unknown: most are logarithms, of which it is a factor of two, beyond any linear model
         shrink = jnp.minimum(1.0, 0.7 / jnp.maximum(jnp.max(jnp.abs(full), axis=0), 1e-300))
         wanted = u + shrink * full
         trial = jnp.clip(wanted, low, high)
+        # a step that was cut is short for another reason than rest
         cut = jnp.any(trial != wanted, axis=0) | (shrink < 1)
         moved = [trial[i] - u[i] for i in range(u.shape[0])]
+        # by how much the quadratic model without damping lowers the cost, over the step as it was cut
         promised = 2 * total(g_ * m for g_, m in zip(g, moved, strict=True)) - total(
             A[i][j] * moved[i] * moved[j] for i in range(u.shape[0]) for j in range(u.shape[0])
         )
@@ -107,11 +115,15 @@ def descend(
         running = search.status == RUNNING
         take = running & better
         pick = lambda new, old: jnp.where(take, new, old)  # noqa: E731
+        # a step that keeps half its promise leaves a twentieth of the damping, any other that is taken leaves half;
+        # one that is refused is tried again ten times as damped, with at least 1e-3: less would not change it
         damping = jnp.where(
             better, jnp.where(gain > 0.5, damping * 0.05, damping * 0.5), jnp.maximum(damping * 10, 1e-3)
         )
+        # at rest where little is promised, unless even that, when more than rounding, is not kept: then with damping
         done = flat & ~cut
         status = jnp.where(done & (better | (promised <= slack)), CONVERGED, jnp.where(damping > 1e12, STUCK, RUNNING))
+        # a lane at rest stays as it is to the bit, however long the others of its block go on
         return LMState(
             pick(trial, u),
             jax.tree.map(pick, new, at),

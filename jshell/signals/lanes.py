@@ -112,6 +112,7 @@ def cholesky(A: list[list[jax.Array]], go: Bool[Array, ""]) -> list[list[jax.Arr
 
     def column(j, A, L):
         lost = lambda i: total(L[i][k] * L[j][k] for k in range(j)) if j else 0.0  # noqa: E731
+        # the diagonal is divided by here, once: forward and backward substitution then only multiply
         inverse = jax.lax.rsqrt(jnp.maximum(A[j][j] - lost(j), 1e-15 * A[j][j] + 1e-300))
         return [inverse, *((A[i][j] - lost(i)) * inverse for i in range(j + 1, n))]
 
