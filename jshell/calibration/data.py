@@ -1,6 +1,6 @@
 """Traces as a fit takes them in: window, channels, σ and weights, and what is refused of them."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -80,10 +80,29 @@ def windowed(
     return found
 
 
-def _without(trace: Trace, number: int, drop: Sequence[tuple[float, float]], missing: str) -> Trace:
-    """The trace with NaN in the spans to drop; refused where it holds NaN of its own."""
-    for name, values in trace.channels.items():
-        wrong = ~np.isfinite(np.asarray(values, dtype=float))
+def refuse_missing(
+    trace: Trace,
+    number: int,
+    channels: Iterable[str],
+    *,
+    missing: str = "refuse",
+    remedy: str = 'Leave such samples out with missing="drop".',
+) -> None:
+    """Refuse a trace with samples that are no numbers.
+
+    Args:
+        trace: Inside its window.
+        number: Of the trace, for messages.
+        channels: Those to look at.
+        missing: `drop` refuses a channel that a failed run left without any number, and no other.
+        remedy: What to try.
+
+    Raises:
+        BadValue: Naming the channel and its first such sample.
+    """
+    for name in channels:
+        values = np.asarray(trace[name], dtype=float)
+        wrong = ~np.isfinite(values)
         if wrong.all() and trace.outcome != Outcome.OK:
             ended = Outcome(int(trace.outcome))
             raise BadValue(
@@ -95,10 +114,15 @@ def _without(trace: Trace, number: int, drop: Sequence[tuple[float, float]], mis
         if wrong.any() and missing == "refuse":
             raise BadValue(
                 f"trace {number}, channel {name!r}, sample {int(np.argmax(wrong)) + 1} of the window",
-                found=f"{float(np.asarray(values)[np.argmax(wrong)])}",
+                found=f"{float(values[np.argmax(wrong)])}",
                 expected="numbers",
-                remedy='Leave such samples out with missing="drop".',
+                remedy=remedy,
             )
+
+
+def _without(trace: Trace, number: int, drop: Sequence[tuple[float, float]], missing: str) -> Trace:
+    """The trace with NaN in the spans to drop; refused where it holds NaN of its own."""
+    refuse_missing(trace, number, trace.channels, missing=missing)
     if not drop and missing == "refuse":
         return trace
     times = np.asarray(trace.times, dtype=float)

@@ -24,7 +24,7 @@ from jaxtyping import Array, Float, Int
 
 from jshell import integrator
 from jshell.calibration.agreement import holder, rests_elsewhere
-from jshell.calibration.data import conditions_of, noise_level
+from jshell.calibration.data import conditions_of, refuse_missing, weighted, with_sigma
 from jshell.calibration.least_squares import value_and_jacobian
 from jshell.calibration.records import Record
 from jshell.calibration.sampling import sampling
@@ -39,7 +39,7 @@ from jshell.shell.rest import RestState, buckled_state
 from jshell.trace import Trace, traces_of
 
 SOLVERS = ("rk4", "diffrax")
-NAMES = ("alpha1", "alpha2", "k_vs", "beta1")
+CHANNELS = ("V", "S")
 UNKNOWNS = 8
 RESOLVED = 0.12  # ω₊ h of the fixed step: 1e-5 of the motion over ten periods
 SETTLED = 1e-7  # share of χ² that the last step promises; of 800 samples it moves by a hundredth of σ, the rest less
@@ -80,20 +80,20 @@ class NonlinearFits:
 
 
 class Lanes(eqx.Module):
-    """Traces side by side: data (2, times, traces), the problem and rest state of each, and 1/σ (2, traces)."""
+    """Traces side by side: data and 1/σ (2, times, traces), the problem and rest state of each."""
 
     data: Float[Array, "2 times traces"]
-    weight: Float[Array, "2 traces"]
+    weight: Float[Array, "2 times traces"]
     conditions: Reduced
     state: RestState
     step: Float[Array, ""]
 
 
 class Lane(eqx.Module):
-    """One trace: data (2, times), its problem and rest state, and 1/σ (2,)."""
+    """One trace: data and 1/σ (2, times), its problem and rest state."""
 
     data: Float[Array, "2 times"]
-    weight: Float[Array, "2"]
+    weight: Float[Array, "2 times"]
     conditions: Reduced
     state: RestState
     step: Float[Array, ""]
@@ -110,19 +110,21 @@ def fit_nonlinear(traces: Trace | Sequence[Trace], *, solver: str = "rk4", max_s
         max_steps: Most steps tried.
 
     Returns:
-        A row per trace. Errors are absolute where every trace gives σ of V and S, else scaled by the reduced χ².
+        A row per trace. Errors are absolute where σ is given, else scaled by the reduced χ².
         Outcomes: ok; unusable_data (no two modes to start from, or at rest where the shell is not);
         no_buckled_state; not_converged; stalled; rank_deficient.
 
     Raises:
         BadName: No such solver; a channel that is missing.
         BadShape: Times that differ, or are not even.
-        BadValue: A trace without conditions or viscosity, or with numbers that are not finite.
+        BadValue: A trace without conditions or viscosity, or with numbers that are not finite; σ of some traces and
+            channels and not of others.
     """
     if solver not in SOLVERS:
         raise BadName(f"solver {solver!r}", found="no such solver", expected=" or ".join(SOLVERS), remedy="Choose one.")
     listed = traces_of(traces)
-    times, data, weight, absolute = _read(listed)
+    absolute = with_sigma(listed, CHANNELS)
+    times, data, weight = _read(listed)
     conditions = [trace.conditions for trace in listed if trace.conditions is not None]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RangeWarning)
@@ -144,10 +146,10 @@ def fit_nonlinear(traces: Trace | Sequence[Trace], *, solver: str = "rk4", max_s
     return _result(jax.tree.map(np.asarray, ended), usable, np.asarray(state.volume), 2 * times.size, absolute, told)
 
 
-def _read(traces: list[Trace]) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool]:
-    """Common times, data (2, times, traces), weights (2, traces), and whether σ was given."""
+def _read(traces: list[Trace]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Common times, data and weights (2, times, traces)."""
     times = sampling(np.asarray(traces[0].times, dtype=float)).times
-    columns, weights, given = [], [], True
+    columns = []
     for number, trace in enumerate(traces, 1):
         if not float(conditions_of(trace, number).viscosity) > 0:
             raise BadValue(
@@ -170,17 +172,10 @@ def _read(traces: list[Trace]) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool
                 expected="one even grid of at least 16 times for all traces",
                 remedy="Resample the traces, or fit them in groups.",
             )
-        rows = np.stack([np.asarray(trace[name], dtype=float) for name in ("V", "S")])
-        if not np.all(np.isfinite(rows)):
-            raise BadValue(f"trace {number}", found="NaN", expected="finite samples", remedy="Cut the trace.")
-        given &= all(name in trace.sigma for name in ("V", "S"))
-        if given:
-            noise = [float(np.mean(np.asarray(trace.sigma[name]))) for name in ("V", "S")]
-        else:
-            noise = [noise_level(row, times) for row in rows]
-        columns.append(rows)
-        weights.append(1 / np.array(noise))
-    return times, np.stack(columns, axis=-1), np.stack(weights, axis=-1), given
+        refuse_missing(trace, number, CHANNELS, remedy="Cut the trace.")
+        columns.append(weighted(trace, CHANNELS))
+    data, weight = (np.stack(part, axis=-1) for part in zip(*columns, strict=True))
+    return times, data, weight
 
 
 def _starts(times: np.ndarray, data: np.ndarray, weight: np.ndarray, conditions: list, state: RestState):
@@ -193,7 +188,7 @@ def _starts(times: np.ndarray, data: np.ndarray, weight: np.ndarray, conditions:
         if modes is None or not np.isfinite(V_e[i]):
             continue
         rest = RestState(V_e[i], P_e[i])
-        one = Record(elapsed, data[:, :, i], weight[:, i], shell, rest, ("V", "S"), True)
+        one = Record(elapsed, data[:, :, i], weight[:, :, i], shell, rest, CHANNELS, True)
         alpha1, alpha2, k_vs, beta1 = strict_start([one], [modes], {})
         moves = np.real(modes.amplitudes.sum(axis=1)) + modes.offsets - np.array([V_e[i], SPHERE_AREA])
         rates = np.real((modes.amplitudes * modes.poles).sum(axis=1))
@@ -221,7 +216,7 @@ def _marched(u: Float[Array, "8 traces"], lanes: Lanes, substeps: int) -> Float[
 
 
 def _residual(u: Float[Array, "8 traces"], lanes: Lanes, substeps: int) -> Float[Array, "2 times traces"]:
-    return lanes.weight[:, None, :] * (_marched(u, lanes, substeps) - lanes.data)
+    return lanes.weight * (_marched(u, lanes, substeps) - lanes.data)
 
 
 def _adaptive_residual(u: Float[Array, "8"], lane: Lane) -> Float[Array, " data"]:
@@ -234,7 +229,7 @@ def _adaptive_residual(u: Float[Array, "8"], lane: Lane) -> Float[Array, " data"
         return jnp.stack(rate[:4])
 
     found = integrator.integrate(field, jnp.stack(driven.begin(tuple(u[4:]))[:4]), times, OPTIONS)
-    r = lane.weight[:, None] * (jnp.asarray(found.samples)[:, :2].T - lane.data)
+    r = lane.weight * (jnp.asarray(found.samples)[:, :2].T - lane.data)
     return jnp.where(found.worked, r, jnp.nan).ravel()
 
 
@@ -254,7 +249,7 @@ def _evaluate(u: jax.Array, lanes: Lanes, solver: str, substeps: int):
         ) -> tuple[jax.Array, jax.Array]:
             return value_and_jacobian(lambda u: _adaptive_residual(u, Lane(data, weight, shell, state, lanes.step)), u)
 
-        r, J = jax.vmap(one, in_axes=(1, 2, 1, 0, 0))(u, lanes.data, lanes.weight, lanes.conditions, lanes.state)
+        r, J = jax.vmap(one, in_axes=(1, 2, 2, 0, 0))(u, lanes.data, lanes.weight, lanes.conditions, lanes.state)
         cost, g, A = jnp.sum(r * r, axis=1), jnp.einsum("ldk,ld->lk", J, r), jnp.einsum("ldk,ldm->lkm", J, J)
     sound = jnp.isfinite(cost) & jnp.all(jnp.isfinite(A), axis=(1, 2))
     clean = lambda part: jnp.where(sound.reshape(-1, *(1,) * (part.ndim - 1)), part, 0.0)  # noqa: E731
@@ -343,7 +338,7 @@ def _descend(
 
     def some(who: Int[Array, " lanes"]) -> Lanes:
         conditions, state = jax.tree.map(lambda leaf: leaf[who], (lanes.conditions, lanes.state))
-        return Lanes(lanes.data[:, :, who], lanes.weight[:, who], conditions, state, lanes.step)
+        return Lanes(lanes.data[:, :, who], lanes.weight[:, :, who], conditions, state, lanes.step)
 
     def step(carry):
         search, who, called, ended = carry

@@ -1,5 +1,7 @@
 """Nonlinear fits: constants recovered within their errors, by both integrators alike."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -65,6 +67,37 @@ def test_a_hopeless_trace_beside_good_ones_says_so(traces, fits):
     assert found.outcome[3] != Outcome.OK
     assert np.all(np.isnan(found.constants[3]))
     np.testing.assert_allclose(found.constants[:3], fits.constants[:3], rtol=1e-6)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("solver", ["rk4", pytest.param("diffrax", marks=pytest.mark.slow)])
+def test_samples_of_hardly_any_weight_are_as_if_left_out(traces, solver):
+    trace = traces[0][0]
+    half = trace.between(0, 20)
+    size = {"V": 0.01, "S": 0.02}
+    rough = {name: np.where(TIMES <= 20, s, 1e6 * s) for name, s in size.items()}
+    found = fit_nonlinear(dataclasses.replace(trace, sigma=rough), solver=solver)
+    wanted = fit_nonlinear(dataclasses.replace(half, sigma={n: np.full(half.times.shape, s) for n, s in size.items()}),
+                           solver=solver)  # fmt: skip
+    # the last step leaves a hundredth of a standard error
+    assert np.all(np.abs(found.constants - wanted.constants) < 0.02 * wanted.stderr)
+    np.testing.assert_allclose(found.stderr, wanted.stderr, rtol=1e-2)
+    assert found.chi_square == pytest.approx(wanted.chi_square, rel=1e-5)
+
+
+@pytest.mark.parametrize("partly", ["channel", "trace"])
+def test_sigma_of_some_is_refused(partly):
+    channels = {"V": np.linspace(2.8, 2.9, 400), "S": np.full(400, 12.5)}
+    bare = Trace(TIMES, channels, random_shell(0).conditions)
+    sigma = {name: np.full(400, 0.01) for name in ("VS" if partly == "trace" else "V")}
+    with pytest.raises(BadValue, match="σ for some"):
+        fit_nonlinear([dataclasses.replace(bare, sigma=sigma), *([bare] if partly == "trace" else [])])
+
+
+def test_a_sample_that_is_no_number_is_named():
+    values = np.where(np.arange(400) == 7, np.nan, 2.8)
+    with pytest.raises(BadValue, match=r"channel 'V', sample 8 .*Cut"):
+        fit_nonlinear(Trace(TIMES, {"V": values, "S": np.full(400, 12.5)}, random_shell(0).conditions))
 
 
 @pytest.mark.long
