@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from jshell.calibration.batch_result import BatchResult
     from jshell.calibration.bootstrap import Bootstrap, bootstrap_frequencies
     from jshell.calibration.comparison import ModelComparison, compare
-    from jshell.calibration.estimate import Estimate, Start
+    from jshell.calibration.estimate import Estimate, ParameterTable, Start
     from jshell.calibration.inverse import fit_conditions
     from jshell.calibration.loaded import load
     from jshell.calibration.losses import trace_loss
@@ -27,18 +27,18 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BatchResult", "Bootstrap", "Estimate", "FitOptions", "FitResult", "FitWarning", "ModelComparison", "NonlinearFits",
-    "Prior", "Recordings", "Refits", "Start", "bootstrap_frequencies", "compare", "fit_batch", "fit_conditions",
-    "fit_frequencies", "fit_nonlinear", "fit_trajectories", "least_squares", "load", "losses", "master_curve",
-    "prepare", "trace_loss", "trajectories", "uncertainty",
+    "ParameterTable", "Prior", "Recordings", "Refits", "Start", "bootstrap_frequencies", "compare", "fit_batch",
+    "fit_conditions", "fit_frequencies", "fit_nonlinear", "fit_trajectories", "least_squares", "load", "losses",
+    "master_curve", "prepare", "trace_loss", "trajectories", "uncertainty",
 ]  # fmt: skip
 _HOMES = {
     "BatchResult": "batch_result", "Bootstrap": "bootstrap", "ModelComparison": "comparison", "Estimate": "estimate",
     "FitOptions": "options", "FitResult": "report", "FitWarning": "report", "NonlinearFits": "nonlinear",
-    "Prior": "options", "Recordings": "recordings", "Refits": "refits", "Start": "estimate",
-    "bootstrap_frequencies": "bootstrap", "compare": "comparison", "fit_batch": "batch", "fit_conditions": "inverse",
-    "fit_frequencies": "master_curve", "fit_nonlinear": "nonlinear", "fit_trajectories": "trajectories",
-    "least_squares": "", "load": "loaded", "losses": "", "master_curve": "", "prepare": "trajectories",
-    "trace_loss": "losses", "trajectories": "", "uncertainty": "",
+    "ParameterTable": "estimate", "Prior": "options", "Recordings": "recordings", "Refits": "refits",
+    "Start": "estimate", "bootstrap_frequencies": "bootstrap", "compare": "comparison", "fit_batch": "batch",
+    "fit_conditions": "inverse", "fit_frequencies": "master_curve", "fit_nonlinear": "nonlinear",
+    "fit_trajectories": "trajectories", "least_squares": "", "load": "loaded", "losses": "", "master_curve": "",
+    "prepare": "trajectories", "trace_loss": "losses", "trajectories": "", "uncertainty": "",
 }  # fmt: skip
 __getattr__, __dir__ = lazy(
     __name__, _HOMES, renamed(__name__, {"Comparison": "ModelComparison", "campaign": "jshell.paper:joint_fits"})

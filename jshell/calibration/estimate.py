@@ -1,12 +1,17 @@
-"""One parameter of a fit with its error, and how one start ended."""
+"""The parameters of a fit with their errors, and how one start ended."""
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from jshell.calibration.least_squares import SolverResult
 from jshell.calibration.uncertainty import MOST_PERCENT
-from jshell.errors import Outcome
+from jshell.errors import Outcome, choose, require_extra
+
+if TYPE_CHECKING:
+    import pandas
 
 
 @dataclass(frozen=True)
@@ -56,6 +61,35 @@ class Estimate:
         else:
             head += f" (no error: {self.reason or 'not asked for'})"
         return head + tied + (f" (start = {self.start:.5g})" if np.isfinite(self.start) else "")
+
+
+class ParameterTable(dict[str, Estimate]):
+    """Estimates by name, in a report's order; it prints as the report does."""
+
+    def __init__(self, estimates: Iterable[Estimate]) -> None:
+        super().__init__((one.name, one) for one in estimates)
+
+    def __missing__(self, name: str) -> Estimate:
+        return choose("parameter", name, self)
+
+    def __repr__(self) -> str:
+        return "\n".join(self.lines())
+
+    def lines(self, *, nuisance: bool = False) -> list[str]:
+        """A line for each estimate; those that belong to single traces are counted only, unless asked for."""
+        shown = [one for one in self.values() if nuisance or one.role != "nuisance"]
+        width = max((len(one.name) for one in shown), default=0)
+        rest = len(self) - len(shown)
+        return [*(one.line(width) for one in shown), *([f"({rest} more belong to single traces)"] if rest else [])]
+
+    def to_dataframe(self) -> "pandas.DataFrame":
+        """The table for pandas: a row for each estimate, its fields as columns.
+
+        Raises:
+            MissingExtra: Without pandas, which the extra `io` brings.
+        """
+        pandas = require_extra("pandas", "io", "to_dataframe")
+        return pandas.DataFrame([asdict(one) for one in self.values()]).set_index("name")
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,11 @@
 """A fit's result as text, as a page of a notebook and as a JSON object."""
 
 import html
+from collections.abc import Iterable
 
 import numpy as np
 
-from jshell.calibration.estimate import Estimate
+from jshell.calibration.estimate import Estimate, ParameterTable
 from jshell.calibration.result import Fit
 
 
@@ -70,15 +71,11 @@ def text(result: Fit, *, nuisance: bool = False, smallest_correlation: float = 0
         *(f"    {name.replace('_', ' '):19} {value:.8g}" for name, value in result.statistics),
         f"    errors              {scaled}",
     ]
-    hidden = 0 if nuisance else sum(e.role == "nuisance" for e in result.estimates)
-    shown = [e for e in result.estimates if nuisance or e.role != "nuisance"]
-    lines += ["[[Constants]]", *_table(shown)]
-    if hidden:
-        lines.append(f"    ({hidden} more belong to single traces)")
+    lines += ["[[Constants]]", *_indented(ParameterTable(result.estimates).lines(nuisance=nuisance))]
     if result.derived:
-        lines += ["[[Derived]]", *_table(list(result.derived))]
+        lines += ["[[Derived]]", *_indented(ParameterTable(result.derived).lines())]
     if told := in_si(result):
-        lines += ["[[In SI]] (intrinsic frequencies ω/2π)", *(f"    {row}" for row in told)]
+        lines += ["[[In SI]] (intrinsic frequencies ω/2π)", *_indented(told)]
     pairs = _pairs(result, smallest_correlation)
     if pairs:
         lines += [f"[[Correlations]] (below {smallest_correlation:g} not listed)", *pairs]
@@ -91,7 +88,7 @@ def text(result: Fit, *, nuisance: bool = False, smallest_correlation: float = 0
         ("Warnings", result.warnings),
     ):
         if texts:
-            lines += [f"[[{title}]]", *(f"    {text}" for text in texts)]
+            lines += [f"[[{title}]]", *_indented(texts)]
     return "\n".join(lines)
 
 
@@ -157,6 +154,5 @@ def _error(estimate: Estimate) -> str:
     return html.escape(f"none: {estimate.reason or 'not asked for'}")
 
 
-def _table(estimates: list[Estimate]) -> list[str]:
-    width = max((len(e.name) for e in estimates), default=0)
-    return [f"    {e.line(width)}" for e in estimates]
+def _indented(rows: Iterable[str]) -> list[str]:
+    return [f"    {row}" for row in rows]

@@ -13,12 +13,12 @@ from dataclasses import dataclass, field
 import numpy as np
 import scipy.special
 
-from jshell.calibration.estimate import Estimate, Start
+from jshell.calibration.estimate import Estimate, ParameterTable, Start
 from jshell.calibration.noise import Noise
 from jshell.calibration.objective import Objective
 from jshell.calibration.options import FitOptions
 from jshell.calibration.uncertainty import information
-from jshell.errors import BadName, Outcome
+from jshell.errors import Outcome
 from jshell.oscillator.coefficients import Coefficients
 from jshell.trace import Trace
 
@@ -98,12 +98,7 @@ class Fit:
         object.__setattr__(self, "statistics", values)
 
     def __getitem__(self, name: str) -> Estimate:
-        known = {estimate.name: estimate for estimate in (*self.estimates, *self.derived)}
-        if name not in known:
-            raise BadName(
-                f"parameter {name!r}", found="no such parameter", expected=", ".join(known), remedy="Choose one."
-            )
-        return known[name]
+        return self.params[name]
 
     def interval(self, name: str, level: float | int = 0.95) -> tuple[float, float]:
         """Value ± error times Student's factor, that of the white noise which autocorrelated noise is worth.
@@ -117,6 +112,11 @@ class Fit:
         """
         factor = float(scipy.special.stdtrit(self.freedom, (1 + level) / 2))
         return self[name].value - factor * self[name].stderr, self[name].value + factor * self[name].stderr
+
+    @property
+    def params(self) -> ParameterTable:
+        """All estimates and derived numbers by name, as a table: `fit[name]` is `fit.params[name]`."""
+        return ParameterTable((*self.estimates, *self.derived))
 
     @property
     def advice(self) -> str:

@@ -1,6 +1,7 @@
 """Profiles, bootstraps, posteriors and other minimisers agree about one fit; what data leave open is said."""
 
 import runpy
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 
 from jshell.calibration import compare, fit_trajectories
 from jshell.calibration.profile import profile
-from jshell.errors import BadName, BadValue, Outcome
+from jshell.errors import BadName, BadValue, MissingExtra, Outcome
 from jshell.trace import Trace
 
 pytestmark = [
@@ -21,6 +22,28 @@ BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 @pytest.fixture(scope="module")
 def flags():
     return runpy.run_path(str(BENCHMARKS / "flags.py"))
+
+
+def test_params_is_the_table_of_the_report(fit, monkeypatch):
+    assert fit.params["alpha1"] == fit["alpha1"]
+    assert "alpha1" in fit.params
+    assert fit.params.get("alpha3") is None
+    with pytest.raises(BadName, match=r"parameter 'alpha3': found no such parameter; expected one of alpha1, "):
+        _ = fit["alpha3"]
+    told = [line.strip() for line in fit.report().splitlines()]
+    assert {line.split()[0] for line in str(fit.params).splitlines()} <= {line.split()[0] for line in told if line}
+    assert fit["alpha1"].line(len("omega_minus")) in str(fit.params)
+    assert "6 more belong to single traces" in str(fit.params)
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(MissingExtra, match="extra `io`"):
+        fit.params.to_dataframe()
+
+
+def test_params_are_a_frame_of_pandas(fit):
+    pytest.importorskip("pandas", reason="no pandas: pip install pandas")
+    frame = fit.params.to_dataframe()
+    assert frame.loc["alpha1", "stderr"] == fit["alpha1"].stderr
+    assert frame.loc["omega_minus", "role"] == "derived"
 
 
 def linear_errors(result):
