@@ -20,7 +20,7 @@ from jshell.calibration.report import FitResult, FitWarning
 from jshell.calibration.sampling import noise_of
 from jshell.calibration.trajectories import fit_trajectories
 from jshell.calibration.uncertainty import information
-from jshell.errors import BadName, BadShape, BadValue, JshellError, Outcome, RangeWarning
+from jshell.errors import BadShape, BadValue, JshellError, Outcome, RangeWarning, choose
 from jshell.signals.waves_from_data import model_orders
 from jshell.trace import Trace
 
@@ -63,12 +63,8 @@ class ModelComparison:
     verdict: str
 
     def __getitem__(self, name: str) -> Row:
-        for row in self.rows:
-            if row.name == name:
-                return row
-        raise BadName(
-            f"model {name!r}", found="not compared", expected=", ".join(r.name for r in self.rows), remedy="Choose one."
-        )
+        known = {row.name: row for row in self.rows}
+        return known[choose("model", name, known)]
 
     def report(self) -> str:
         """The table as text."""

@@ -18,7 +18,7 @@ from jshell.calibration.linearization import linearized, whitened
 from jshell.calibration.objective import Objective, evaluate
 from jshell.calibration.rebuilt import objective_of
 from jshell.calibration.result import Fit
-from jshell.errors import MissingExtra
+from jshell.errors import require_extra
 
 
 def to_lmfit(result: Fit) -> Any:
@@ -35,11 +35,7 @@ def to_lmfit(result: Fit) -> Any:
         >>> lmfit.conf_interval(minimizer, minimizer.minimize())  # doctest: +SKIP
     """
     objective = objective_of(result)
-    try:
-        import lmfit
-    except ImportError:
-        raise _missing("lmfit") from None
-
+    lmfit = require_extra("lmfit", "interop")
     parameters = lmfit.Parameters()
     space, shown = objective.space, objective.shown(objective.best)
     names = [name.replace("[", "_").replace("]", "") for name in objective.names]
@@ -101,11 +97,7 @@ def to_minuit(result: Fit) -> Any:
         >>> minuit.migrad().minos(cl=0.95)  # doctest: +SKIP
     """
     objective = objective_of(result)
-    try:
-        import iminuit
-    except ImportError:
-        raise _missing("iminuit") from None
-
+    iminuit = require_extra("iminuit", "interop")
     variance = max(objective.variance, 1e-300)
     scaled = jax.jit(jax.value_and_grad(lambda u: jnp.sum(objective.residual(u, objective.args) ** 2) / variance))
     slope = lambda u: np.array(_slopes(objective, u))  # noqa: E731
@@ -153,9 +145,3 @@ def _table_residual(objective: Objective, shown: np.ndarray) -> np.ndarray:
     """Residual of the frequencies that were measured."""
     r = np.asarray(evaluate(objective.residual, objective.args, jnp.asarray(_unknowns(objective, shown))))
     return r[np.isfinite(np.asarray(objective.args[1].omega)).ravel()]
-
-
-def _missing(name: str) -> MissingExtra:
-    return MissingExtra(
-        name, found="not installed", expected="the extra `interop`", remedy="Install it: pip install 'jshell[interop]'"
-    )

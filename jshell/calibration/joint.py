@@ -25,7 +25,7 @@ from jshell.calibration.noise import whiten
 from jshell.calibration.options import CONDITIONS, Prior, Tie
 from jshell.calibration.parameters import Unknowns, check_parameters, unknowns
 from jshell.calibration.records import Record
-from jshell.errors import BadName, BadValue
+from jshell.errors import BadValue, choose
 from jshell.shell.parameters import Reduced
 from jshell.shell.rest import RestState, buckled_state, gas_pressure
 
@@ -178,10 +178,7 @@ def join(
         ("uncertain", tuple(uncertain), CONDITIONS),
     ):
         for name in given:
-            if name not in known:
-                raise BadName(
-                    f"{place} {name!r}", found="no such parameter", expected=", ".join(known), remedy="Choose one."
-                )
+            choose(place, name, known, noun="parameter")
     names: list[str] = []
 
     def place_of(name: str, own: bool, number: int) -> int:

@@ -29,7 +29,7 @@ from jshell.calibration.least_squares import value_and_jacobian
 from jshell.calibration.records import Record
 from jshell.calibration.sampling import sampling
 from jshell.calibration.starts import find_modes, strict_start
-from jshell.errors import BadName, BadShape, BadValue, Outcome, RangeWarning
+from jshell.errors import BadShape, BadValue, Outcome, RangeWarning, choose
 from jshell.oscillator.coefficients import Coefficients
 from jshell.oscillator.fixed import rk4
 from jshell.oscillator.motion import Driven
@@ -120,8 +120,7 @@ def fit_nonlinear(traces: Trace | Sequence[Trace], *, solver: str = "rk4", max_s
         BadValue: A trace without conditions or viscosity, or with numbers that are not finite; σ of some traces and
             channels and not of others.
     """
-    if solver not in SOLVERS:
-        raise BadName(f"solver {solver!r}", found="no such solver", expected=" or ".join(SOLVERS), remedy="Choose one.")
+    choose("solver", solver, SOLVERS)
     listed = traces_of(traces)
     absolute = with_sigma(listed, CHANNELS)
     times, data, weight = _read(listed)

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
-from jshell.errors import BadName, BadValue
+from jshell.errors import BadValue, choose
 
 CONSTANTS = ("alpha1", "alpha2", "k_vs", "beta1", "beta2", "tau")
 CONDITIONS = ("thickness", "youngs_modulus", "gas_pressure", "outer_pressure", "viscosity")
@@ -135,13 +135,8 @@ class FitOptions:
     def __post_init__(self) -> None:
         for one in fields(self):
             value, known = getattr(self, one.name), one.metadata.get("choices")
-            if known is not None and value not in known:
-                raise BadName(
-                    f"{one.name} {value!r}",
-                    found="no such choice",
-                    expected=" or ".join(str(name) for name in known if name is not None),
-                    remedy="Choose one.",
-                )
+            if known is not None:
+                choose(one.name, value, known, expected="one of " + ", ".join(n for n in known if n is not None))
             if one.default_factory is dict:
                 object.__setattr__(self, one.name, dict(value or {}))
             elif one.default_factory is tuple:
@@ -228,13 +223,7 @@ def check_names(given: Mapping[str, Any] | Sequence[str], known: Sequence[str]) 
         BadName: Naming it.
     """
     for name in given:
-        if name not in known:
-            raise BadName(
-                f"option {name!r}",
-                found="no such option of this job",
-                expected=", ".join(sorted(known)),
-                remedy="Leave it out, or choose one of these.",
-            )
+        choose("option", name, sorted(known), remedy="Leave it out, or choose one of these.")
 
 
 def tie_in_words(tie: Mapping | None) -> dict[str, str]:

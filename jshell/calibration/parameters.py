@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jshell.calibration.options import Tie
-from jshell.errors import BadName, BadValue
+from jshell.errors import BadValue, choose
 
 _OPERATIONS = {
     ast.Add: operator.add,
@@ -278,13 +278,8 @@ def check_parameters(place: str, given: Iterable[str], names: tuple[str, ...]) -
         BadName: Naming it.
     """
     for name in given:
-        if name not in names:
-            raise BadName(
-                f"{place}[{name!r}]",
-                found=f"no parameter {name!r} in this fit",
-                expected="one of " + ", ".join(names),
-                remedy="Check the spelling; a parameter of one trace is written name[number].",
-            )
+        remedy = "Check the spelling; a parameter of one trace is written name[number]."
+        choose(f"{place}, parameter", name, names, remedy=remedy)
 
 
 def _in_order(names: tuple[str, ...], tie: Mapping[str, str | Tie]) -> tuple[tuple[str, Tie], ...]:
@@ -293,13 +288,7 @@ def _in_order(names: tuple[str, ...], tie: Mapping[str, str | Tie]) -> tuple[tup
     waiting = {name: Expression(given) if isinstance(given, str) else given for name, given in tie.items()}
     for name, given in waiting.items():
         for read in given.names if isinstance(given, Expression) else ():
-            if read not in names:
-                raise BadName(
-                    f"tie[{name!r}]",
-                    found=f"no parameter {read!r} in this fit",
-                    expected="others of " + ", ".join(names),
-                    remedy="Check the spelling.",
-                )
+            choose(f"tie[{name!r}], parameter", read, names, remedy="Check the spelling.")
     while waiting:
         open_ = [n for n, g in waiting.items() if not isinstance(g, Expression) or not set(g.names) & set(waiting)]
         if not open_:

@@ -25,7 +25,7 @@ from jshell.calibration.joint import Joint, blocks
 from jshell.calibration.objective import Objective
 from jshell.calibration.rebuilt import objective_of
 from jshell.calibration.result import Fit
-from jshell.errors import BadValue, MissingExtra
+from jshell.errors import BadValue, require_extra
 from jshell.io.records import write_groups
 
 
@@ -169,12 +169,7 @@ def drawn(energy: Callable[[jax.Array, Any], jax.Array], size: int, sampling: Sa
     Raises:
         MissingExtra: NumPyro is not installed.
     """
-    try:
-        import numpyro  # noqa: F401
-    except ImportError:
-        raise MissingExtra(
-            "numpyro", found="not installed", expected="the extra `bayes`", remedy="pip install 'jshell[bayes]'"
-        ) from None
+    require_extra("numpyro", "bayes")
     keys = jax.random.split(jax.random.PRNGKey(sampling.seed), sampling.chains)
     first = jax.random.normal(jax.random.PRNGKey(sampling.seed + 1), (sampling.chains, size)) * 0.3
     chains = [_chain(energy, sampling.warmup, sampling.draws, key, z, data) for key, z in zip(keys, first, strict=True)]

@@ -18,7 +18,7 @@ import scipy.special
 from jshell.calibration.objective import Objective
 from jshell.calibration.rebuilt import objective_of
 from jshell.calibration.result import Fit
-from jshell.errors import BadName, BadValue, Outcome
+from jshell.errors import BadValue, Outcome, choose
 
 CRITERIA = ("auto", "chi2", "F")
 MOST_STEPS = 40
@@ -71,11 +71,8 @@ class Profile:
     points: tuple[np.ndarray, ...]
 
     def __getitem__(self, name: str) -> Interval:
-        for one in self.intervals:
-            if one.name == name:
-                return one
-        known = ", ".join(one.name for one in self.intervals)
-        raise BadName(f"parameter {name!r}", found="no profile", expected=known, remedy="Ask for its profile.")
+        known = {one.name: one for one in self.intervals}
+        return known[choose("parameter", name, known, remedy="Ask for its profile.")]
 
     def report(self) -> str:
         """The intervals as text."""
@@ -111,23 +108,14 @@ def profile(
         BadValue: A level outside 0 to 1; a robust fit, which has no likelihood.
     """
     objective = objective_of(result)
-    if criterion not in CRITERIA:
-        raise BadName(
-            f"criterion {criterion!r}", found="no such criterion", expected=" or ".join(CRITERIA), remedy="Choose one."
-        )
+    choose("criterion", criterion, CRITERIA)
     if not 0 < level < 1:
         raise BadValue("level", found=f"{level:g}", expected="between 0 and 1", remedy="Write 0.95 for 95%.")
     if objective.loss:
         raise BadValue("profile", found="a robust fit", expected="least squares", remedy="Use bootstrap instead.")
     chosen = tuple(objective.names if names is None else names)
     for name in chosen:
-        if name not in objective.names:
-            raise BadName(
-                f"parameter {name!r}",
-                found="not varied in this fit",
-                expected=", ".join(objective.names),
-                remedy="Choose one of them.",
-            )
+        choose("parameter", name, objective.names, noun="varied parameter")
     kind = ("chi2" if objective.absolute else "F") if criterion == "auto" else criterion
     variance, freedom = objective.variance, objective.freedom
     if kind == "F":

@@ -26,7 +26,7 @@ from jshell.calibration.rebuilt import objective_of
 from jshell.calibration.resampling import resample
 from jshell.calibration.result import Fit
 from jshell.calibration.robust import counts
-from jshell.errors import BadName, BadValue, Outcome
+from jshell.errors import BadValue, Outcome, choose
 
 KINDS = ("auto", "normal", "residuals")
 TOGETHER = 32  # refits side by side
@@ -69,10 +69,7 @@ class Refits:
         Raises:
             BadName: Not varied.
         """
-        if name not in self.names:
-            raise BadName(
-                f"parameter {name!r}", found="not varied", expected=", ".join(self.names), remedy="Choose one."
-            )
+        choose("parameter", name, self.names, noun="varied parameter")
         low, high = np.nanquantile(self.values[:, self.names.index(name)], [(1 - level) / 2, (1 + level) / 2])
         return float(low), float(high)
 
@@ -117,8 +114,7 @@ def bootstrap(result: Fit, count: int = 500, *, seed: int = 0, kind: str = "auto
         BadValue: Fewer than 20 refits; normal noise for a robust fit; the table of a fit with bounds.
     """
     objective = objective_of(result)
-    if kind not in KINDS:
-        raise BadName(f"kind {kind!r}", found="no such choice", expected=" or ".join(KINDS), remedy="Choose one.")
+    choose("kind", kind, KINDS)
     if count < 20:
         raise BadValue("count", found=f"{count}", expected="at least 20", remedy="Ask for 500.")
     if not isinstance(objective.args[1], Joint):

@@ -142,7 +142,7 @@ def test_the_posterior_agrees_with_the_covariance_and_arviz_reads_it(fit, tmp_pa
 
 
 def test_bad_wishes_are_refused(fit):
-    with pytest.raises(BadName, match="not varied"):
+    with pytest.raises(BadName, match="no such varied parameter"):
         fit.profile(["gamma"])
     with pytest.raises(BadValue, match="level"):
         fit.profile(level=95)
