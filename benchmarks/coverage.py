@@ -21,7 +21,7 @@ import jshell as js
 from jshell.calibration.diagnostics import trace_result
 from jshell.calibration.joint import join
 from jshell.calibration.least_squares import SolverResult, levenberg_marquardt
-from jshell.calibration.losses import Problem, residual
+from jshell.calibration.losses import Problem, projected
 from jshell.calibration.parameters import Unknowns, unknowns
 from jshell.calibration.records import record
 
@@ -111,7 +111,9 @@ def batch_coverage(memory: float, replicates: int, noise: str = "auto") -> tuple
 def fits(space: Unknowns, problems: Problem, start: jax.Array) -> SolverResult:
     """One fit for each problem, from one start."""
     free = jnp.full(start.shape, jnp.inf)
-    one = lambda problem: levenberg_marquardt(lambda u: residual(u, (space, problem)), start, -free, free)  # noqa: E731
+    one = lambda problem: levenberg_marquardt(  # noqa: E731
+        lambda u: projected(space.natural(u), problem), start, -free, free
+    )
     return eqx.filter_vmap(one)(problems)
 
 

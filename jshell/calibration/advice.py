@@ -96,9 +96,7 @@ def other_minima(ending: SolverResult, space: Unknowns, same: np.ndarray) -> lis
     return texts
 
 
-def method_notes(
-    problem: Problem, joint: Joint, absolute: bool, robust: Robust | None, noises: list[Noise]
-) -> list[str]:
+def method_notes(problem: Problem, joint: Joint, absolute: bool, robust: Robust | None) -> list[str]:
     notes = []
     if problem.loss == "strict" and problem.tied:
         notes.append("beta2 is tied to beta1 so that both modes decay alike")

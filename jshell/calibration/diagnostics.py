@@ -161,7 +161,7 @@ def trace_result(
         lost = NO_MINIMUM if outcome in RESTLESS else one.reason if one.reason != NO_SCATTER else ""
         estimates.append(hidden(one, lost) if lost else one)
 
-    notes += method_notes(problem, joint, absolute, robust, noises)
+    notes += method_notes(problem, joint, absolute, robust)
     notes += sampling_notes(cut, absolute)
     notes += sign_of_coupling(problem, space, estimates)
     notes += other_minima(ending, space, same)

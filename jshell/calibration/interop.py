@@ -121,7 +121,7 @@ def to_minuit(result: Fit) -> Any:
 
 
 def _unknowns(objective: Objective, shown: np.ndarray) -> np.ndarray:
-    return np.array([objective.seen(name, value) for name, value in zip(objective.names, shown, strict=True)])
+    return np.array([objective.space.hidden(name, value) for name, value in zip(objective.names, shown, strict=True)])
 
 
 def _slopes(objective: Objective, u: np.ndarray) -> list[float]:

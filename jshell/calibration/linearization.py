@@ -126,8 +126,3 @@ def whitened(joint: Joint, found: Linearization) -> tuple[np.ndarray, np.ndarray
         parts = [(whiten(r[rows], m), whiten(J[rows], m)) for (*_, rows), m in zip(rows_of(joint), flat, strict=True)]
         r, J = np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
     return np.concatenate([r, found.prior_residual]), np.vstack([J, found.prior])
-
-
-def whitened_residual(joint: Joint, found: Linearization) -> np.ndarray:
-    """Residual with the memory of the noise taken out, then that of the priors."""
-    return whitened(joint, found)[0]

@@ -18,7 +18,6 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jshell import integrator
-from jshell.calibration.parameters import Unknowns
 from jshell.calibration.records import Record
 from jshell.oscillator.coefficients import Coefficients
 from jshell.oscillator.linear import (
@@ -145,24 +144,10 @@ def gram_inverse(gram: Float[Array, "linear linear"]) -> Float[Array, "linear li
     return jnp.where(finite, inverse, jnp.nan)
 
 
-def residual(u: jax.Array, args: tuple[Unknowns, Problem]) -> jax.Array:
-    """The same, of what the solver sees."""
-    space, problem = args
-    return projected(space.natural(u), problem)
-
-
 def trace_loss(natural: Float[Array, " names"], problem: Problem) -> Float[Array, ""]:
     """Half the sum of squared weighted residuals, linear parameters eliminated; differentiable both ways."""
     r = projected(natural, problem)
     return 0.5 * (r @ r)
-
-
-def full_residual(
-    natural: Float[Array, " names"], linear: list[Float[Array, " linear"]], problem: Problem
-) -> Float[Array, " data"]:
-    """Weighted residual at given linear parameters, one list entry per block."""
-    rows = zip(bases(natural, problem), linear, targets(problem), strict=True)
-    return jnp.concatenate([basis @ c - data for basis, c, data in rows])
 
 
 def best_linear(natural: Float[Array | np.ndarray, " names"], problem: Problem) -> list[np.ndarray]:

@@ -81,12 +81,6 @@ class Objective(eqx.Module):
         return max(1, self.count - len(self.space.free) - self.linear)
 
     @property
-    def cost(self) -> float:
-        """χ² at the minimum, priors included."""
-        r = np.asarray(evaluate(self.residual, self.args, jnp.asarray(self.best)))
-        return float(r @ r)
-
-    @property
     def variance(self) -> float:
         """Of the weighted residual: 1 where errors are absolute, the reduced χ² where they are scaled."""
         if self.absolute:
@@ -100,10 +94,6 @@ class Objective(eqx.Module):
         """Residual and Jacobian (residuals, free) at the minimum."""
         r, J = _linearised(self.residual, self.args, jnp.asarray(self.best))
         return np.asarray(r), np.asarray(J)
-
-    def seen(self, name: str, value: float) -> float:
-        """A reported value of a free parameter, as the solver sees it."""
-        return self.space.hidden(name, value)
 
     def shown(self, u: np.ndarray) -> np.ndarray:
         """Free parameters as reported, from what the solver sees; (..., free)."""

@@ -11,7 +11,6 @@ from jshell.calibration.result import Fit
 from jshell.io.records import plain, trace_record, write_groups, write_record
 
 KIND = "fit"
-_ESTIMATE = {"value", "stderr", "start"}
 
 
 def stored(result: Fit) -> dict[str, Any]:

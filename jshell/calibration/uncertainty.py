@@ -29,7 +29,6 @@ class Uncertainty:
         correlation: Correlations, NaN beside a missing error.
         reasons: Why an error is missing; empty where it is not.
         null: (directions, parameters) orthonormal changes that leave the fit as it is, relative to each parameter.
-        reduced: χ² over the degrees of freedom.
     """
 
     stderr: np.ndarray
@@ -37,7 +36,6 @@ class Uncertainty:
     correlation: np.ndarray
     reasons: tuple[str, ...]
     null: np.ndarray
-    reduced: float
 
 
 def uncertainty(
@@ -97,7 +95,7 @@ def uncertainty(
         else ""
         for dead, lost in zip(no_effect, in_null, strict=True)
     )
-    return Uncertainty(stderr, covariance, correlation, reasons, null, reduced)
+    return Uncertainty(stderr, covariance, correlation, reasons, null)
 
 
 def loose_directions(covariance: np.ndarray, values: np.ndarray) -> list[tuple[np.ndarray, float]]:
