@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from jshell.calibration.data import chosen_channels, windowed
+from jshell.calibration.misfit import noise_of_channel
 from jshell.calibration.noise import MISFIT, Noise, envelope_chance, lag_one, peak_chance, runs
 from jshell.calibration.records import record, rest_state
 from jshell.calibration.report import FitResult, FitWarning
-from jshell.calibration.sampling import noise_of
 from jshell.calibration.trajectories import fit_trajectories
 from jshell.calibration.uncertainty import information
 from jshell.errors import BadShape, BadValue, JshellError, Outcome, RangeWarning, choose
@@ -140,7 +140,7 @@ def compare(
         state, _ = rest_state(one, offset, equilibrium, 1)
     ready = record(one, names, state)
     weight, data = np.asarray(ready.weight), np.asarray(ready.data)
-    noise = _noise(one, names)
+    noise = np.array([noise_of_channel(ready, one, i) or 0.0 for i in range(len(names))])
     rows: list[Row | None] = [*_modes(times, data, weight, noise)]
     for model in ("modal", *(("strict",) if loss == "strict" else ())):
         rows.append(_oscillator(model, one, names, equilibrium, data, weight, noise))
@@ -149,14 +149,6 @@ def compare(
         raise BadShape("trace", found="no model that fits it", expected="a ring-down", remedy="Choose another window.")
     found.sort(key=lambda row: row.bic)
     return ModelComparison(tuple(found), names, data.size, _verdict(found))
-
-
-def _noise(trace: Trace, names: tuple[str, ...]) -> np.ndarray:
-    """(channels,) noise: given, or from sixth differences."""
-    if all(name in trace.sigma for name in names):
-        return np.array([float(np.sqrt(np.mean(np.asarray(trace.sigma[name]) ** 2))) for name in names])
-    times = np.asarray(trace.times, dtype=float)
-    return np.array([noise_of(np.asarray(trace[name], dtype=float), times) for name in names])
 
 
 def _row(

@@ -45,6 +45,7 @@ from jshell.calibration.uncertainty import (
 from jshell.calibration.undetermined import (
     NO_MINIMUM,
     RESTLESS,
+    estimates_of,
     hidden,
     hide_derived,
     open_constants,
@@ -142,20 +143,13 @@ def trace_result(
     null = np.array([*errors.null[:, :count], *silent]).reshape(-1, count)
     derived = hide_derived(derived, gradient, shown[free], null, outcome)
 
-    estimates = []
-    tied, begin = {name for name, _ in space.tied}, space.reported(natural[best])
-    for i, name in enumerate(names):
-        if space.names[i] in tied:
-            row = slopes[i] / stretch[i]
-            one = Estimate(name, float(shown[i]), float(propagate(row[None], covariance)[0]), role="tied")
-            lost = [other for other, slope in zip(varied, row, strict=True) if slope != 0 and other in undetermined]
-            estimates.append(hidden(one, f"it follows from {lost[0]}") if lost else one)
-        elif i not in free:
-            estimates.append(Estimate(name, float(shown[i]), role="fixed"))
-        else:
-            j = free.index(i)
-            one = Estimate(name, float(shown[i]), float(errors.stderr[j]), errors.reasons[j], float(begin[i]))
-            estimates.append(hidden(one, undetermined[name]) if name in undetermined else one)
+    estimates = estimates_of(names, varied, shown, space.reported(natural[best]), errors, undetermined)
+    for name, _ in space.tied:
+        i = names.index(name)
+        row = slopes[i] / stretch[i]
+        one = Estimate(name, float(shown[i]), float(propagate(row[None], covariance)[0]), role="tied")
+        lost = [other for other, slope in zip(varied, row, strict=True) if slope != 0 and other in undetermined]
+        estimates[i] = hidden(one, f"it follows from {lost[0]}") if lost else one
     for j, (name, value) in enumerate(zip(linear_names(problem), np.concatenate(found.linear), strict=True), count):
         one = Estimate(name, float(value), float(errors.stderr[j]), errors.reasons[j], role="nuisance")
         lost = NO_MINIMUM if outcome in RESTLESS else one.reason if one.reason != NO_SCATTER else ""

@@ -20,13 +20,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jshell.calibration.losses import MODAL_NAMES, STRICT_NAMES, Problem, bases, linear_residual, targets
+from jshell.calibration.losses import Problem, bases, linear_residual, targets
 from jshell.calibration.noise import whiten
 from jshell.calibration.options import CONDITIONS, Prior, Tie
 from jshell.calibration.parameters import Unknowns, check_parameters, unknowns
 from jshell.calibration.records import Record
 from jshell.errors import BadValue, choose
-from jshell.shell.parameters import Reduced
 from jshell.shell.rest import RestState, buckled_state, gas_pressure
 
 POSITIVE = frozenset({"alpha1", "alpha2", "beta1", "beta2", "tau", *CONDITIONS})
@@ -82,7 +81,7 @@ class Joint(eqx.Module):
         """The problem of one trace, without priors; its parameters are those at `own`."""
         constants = len(self.places[number])
         moved = tuple((field, constants + i) for i, (field, _) in enumerate(self.moved[number]))
-        names = (*single_names(self.problem), *(field for field, _ in moved))
+        names = (*self.problem.constants, *(field for field, _ in moved))
         problem = eqx.tree_at(lambda p: p.records, self.problem, (self.problem.records[number],))
         return Joint(problem, names, (tuple(range(constants)),), (moved,), self.equilibrium)
 
@@ -91,13 +90,11 @@ class Joint(eqx.Module):
         c = record.conditions
         thickness = given.get("thickness", jnp.asarray(c.thickness))
         unit = given.get("youngs_modulus", jnp.asarray(1.0)) * thickness / c.thickness  # E d over its nominal value
-        conditions = Reduced(
-            thickness,
-            given.get("gas_pressure", c.gas_pressure) / unit,
-            given.get("outer_pressure", c.outer_pressure) / unit,
-            given.get("viscosity", c.viscosity) / jnp.sqrt(unit),
-            c.kappa,
-            c.poisson_ratio,
+        conditions = c.replace(
+            thickness=thickness,
+            gas_pressure=given.get("gas_pressure", c.gas_pressure) / unit,
+            outer_pressure=given.get("outer_pressure", c.outer_pressure) / unit,
+            viscosity=given.get("viscosity", c.viscosity) / jnp.sqrt(unit),
         )
         if self.equilibrium == "plateau":
             state = buckled_state(conditions)
@@ -141,13 +138,6 @@ def residual(u: jax.Array, args: tuple[Unknowns, Joint]) -> jax.Array:
     return jnp.concatenate([*left, joint.prior_residual(values)] if joint.prior_at else left)
 
 
-def single_names(problem: Problem) -> tuple[str, ...]:
-    """Constants of one trace, in the model's order."""
-    if problem.loss == "strict":
-        return STRICT_NAMES[:4] if problem.tied else STRICT_NAMES
-    return (*MODAL_NAMES, "tau")
-
-
 def join(
     problem: Problem,
     *,
@@ -171,7 +161,7 @@ def join(
         BadValue: A relative error that is not above 0.
     """
     many = len(problem.records)
-    constants, uncertain = single_names(problem), dict(uncertain or {})
+    constants, uncertain = problem.constants, dict(uncertain or {})
     local = tuple(local)
     for place, given, known in (
         ("local", local, (*constants, *uncertain)),

@@ -66,12 +66,18 @@ class Problem(eqx.Module):
         return frozenset({"k_vs"} if self.loss == "modal" else ())
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """The constants, in order."""
+    def constants(self) -> tuple[str, ...]:
+        """Those of one record, in order."""
         if self.loss == "strict":
             return STRICT_NAMES[:4] if self.tied else STRICT_NAMES
-        many = len(self.records) > 1
-        return (*MODAL_NAMES, *(f"tau[{i}]" if many else "tau" for i in range(1, len(self.records) + 1)))
+        return (*MODAL_NAMES, "tau")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The constants of all records: they share all but the decay time."""
+        if self.loss == "strict" or len(self.records) == 1:
+            return self.constants
+        return (*MODAL_NAMES, *(f"tau[{i}]" for i in range(1, len(self.records) + 1)))
 
 
 def bases(

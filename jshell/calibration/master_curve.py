@@ -18,7 +18,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jshell.calibration.estimate import Estimate, starts_of
+from jshell.calibration.estimate import starts_of
 from jshell.calibration.frequency_model import (
     NAMES,
     model,
@@ -36,7 +36,7 @@ from jshell.calibration.parameters import Unknowns
 from jshell.calibration.report import FitResult, FitWarning
 from jshell.calibration.table_misfit import misfits_of_table, weightings_apart
 from jshell.calibration.uncertainty import in_words, uncertainty
-from jshell.calibration.undetermined import hidden, open_constants, without_open
+from jshell.calibration.undetermined import estimates_of, open_constants, without_open
 from jshell.calibration.versions import versions
 from jshell.errors import BadValue, Outcome, RangeWarning
 
@@ -183,18 +183,10 @@ def _result(
         found = np.asarray(model(jnp.asarray(values), rows))
         texts += misfits_of_table(np.asarray(r), found, rows, len(names), ready.absolute)
 
-    estimates = []
-    for i, name in enumerate(NAMES):
-        if i not in free:
-            estimates.append(Estimate(name, float(shown[i]), role="fixed"))
-            continue
-        j = free.index(i)
-        one = Estimate(name, float(shown[i]), float(errors.stderr[j]), errors.reasons[j], float(begin[i]))
-        estimates.append(hidden(one, undetermined[name]) if name in undetermined else one)
     return FitResult(
         title=f"Master curve of {rows.omega.shape[0]} shells, residual in {weighting}",
         outcome=outcome,
-        estimates=tuple(estimates),
+        estimates=tuple(estimates_of(NAMES, names, shown, begin, errors, undetermined)),
         derived=(),
         covariance=without_open(errors.covariance, names, undetermined),
         correlation=without_open(errors.correlation, names, undetermined),

@@ -51,7 +51,7 @@ def misfits(joint: Joint, r: np.ndarray, cut: list[Trace], noises: list[Noise], 
         used = weight > 0
         left = r[rows][used] / weight[used]
         rms, scatter = _size(left, robust), float(values[used].std())
-        level = _noise(one, trace, channel, name)
+        level = noise_of_channel(one, trace, channel)
         if rms <= 1e-5 * scatter:
             continue
         slow = _drift_in_words(np.asarray(one.elapsed)[used], left)
@@ -100,8 +100,9 @@ def _size(left: np.ndarray, robust: bool) -> float:
     return float(np.sqrt(np.mean(left**2)))
 
 
-def _noise(one: Record, trace: Trace, channel: int, name: str) -> float | None:
+def noise_of_channel(one: Record, trace: Trace, channel: int) -> float | None:
     """Noise of a channel: given, or from its sixth differences; None where they hold none."""
+    name = one.channels[channel]
     if name in trace.sigma:
         weight = np.asarray(one.weight[channel])
         return float(np.sqrt(np.mean(1 / weight[weight > 0] ** 2)))

@@ -80,20 +80,10 @@ class NonlinearFits:
 
 
 class Lanes(eqx.Module):
-    """Traces side by side: data and 1/σ (2, times, traces), the problem and rest state of each."""
+    """Traces side by side, or one: data and 1/σ (2, times, traces), the problem and rest state of each."""
 
-    data: Float[Array, "2 times traces"]
-    weight: Float[Array, "2 times traces"]
-    conditions: Reduced
-    state: RestState
-    step: Float[Array, ""]
-
-
-class Lane(eqx.Module):
-    """One trace: data and 1/σ (2, times), its problem and rest state."""
-
-    data: Float[Array, "2 times"]
-    weight: Float[Array, "2 times"]
+    data: Float[Array, "2 times *traces"]
+    weight: Float[Array, "2 times *traces"]
     conditions: Reduced
     state: RestState
     step: Float[Array, ""]
@@ -196,7 +186,7 @@ def _starts(times: np.ndarray, data: np.ndarray, weight: np.ndarray, conditions:
     return starts, fastest
 
 
-def _driven(u: Any, lanes: Lanes | Lane) -> Driven:
+def _driven(u: Any, lanes: Lanes) -> Driven:
     c = Coefficients(jnp.exp(u[0]), jnp.exp(u[1]), u[2], jnp.exp(u[3]))
     return Driven(lanes.conditions, c, lanes.state)
 
@@ -218,7 +208,7 @@ def _residual(u: Float[Array, "8 traces"], lanes: Lanes, substeps: int) -> Float
     return lanes.weight * (_marched(u, lanes, substeps) - lanes.data)
 
 
-def _adaptive_residual(u: Float[Array, "8"], lane: Lane) -> Float[Array, " data"]:
+def _adaptive_residual(u: Float[Array, "8"], lane: Lanes) -> Float[Array, " data"]:
     """The same of one trace, by diffrax."""
     driven = _driven(u, lane)
     times = lane.step * jnp.arange(lane.data.shape[1])
@@ -246,7 +236,7 @@ def _evaluate(u: jax.Array, lanes: Lanes, solver: str, substeps: int):
         def one(
             u: jax.Array, data: jax.Array, weight: jax.Array, shell: Reduced, state: RestState
         ) -> tuple[jax.Array, jax.Array]:
-            return value_and_jacobian(lambda u: _adaptive_residual(u, Lane(data, weight, shell, state, lanes.step)), u)
+            return value_and_jacobian(lambda u: _adaptive_residual(u, Lanes(data, weight, shell, state, lanes.step)), u)
 
         r, J = jax.vmap(one, in_axes=(1, 2, 2, 0, 0))(u, lanes.data, lanes.weight, lanes.conditions, lanes.state)
         cost, g, A = jnp.sum(r * r, axis=1), jnp.einsum("ldk,ld->lk", J, r), jnp.einsum("ldk,ldm->lkm", J, J)

@@ -103,17 +103,8 @@ def record(trace: Trace, channels: tuple[str, ...], state: RestState) -> Record:
     """A trace as the solver sees it."""
     taken = sampling(np.asarray(trace.times, dtype=float))
     data, weight = weighted(trace, channels)
-    number = np.float64  # of NumPy: what is done outside the solver then compiles nothing
-    c = trace.conditions
-    assert c is not None
-    conditions = Reduced(
-        number(c.thickness),
-        number(c.gas_pressure),
-        number(c.outer_pressure),
-        number(c.viscosity),
-        number(c.kappa),
-        number(c.poisson_ratio),
-    )
-    state = RestState(*(np.asarray(x, dtype=float)[()] for x in state))  # pyright: ignore[reportArgumentType]
+    assert trace.conditions is not None
+    # numbers of NumPy: what is done outside the solver then compiles nothing
+    conditions, state = jax.tree.map(np.float64, (trace.conditions, state))
     elapsed = taken.times - taken.times[0]
     return Record(elapsed, data, weight, conditions, state, channels, taken.even)

@@ -15,7 +15,7 @@ import numpy as np
 
 from jshell.calibration.frequency_model import start_from_data
 from jshell.calibration.frequency_table import FrequencyTable
-from jshell.calibration.joint import Joint, nominal_values, single_names
+from jshell.calibration.joint import Joint, nominal_values
 from jshell.calibration.losses import Problem
 from jshell.calibration.records import Record
 from jshell.oscillator.coefficients import tied_beta2
@@ -199,7 +199,7 @@ def starts_of_fit(
     problem, nominal = joint.problem, nominal_values(joint)
     shared = starts_of_constants(problem, modes, fix, count, seed)
     plain, rows = problem.names, np.ones((len(shared), len(joint.names)))
-    names = single_names(problem)
+    names = problem.constants
     for number, (record, places) in enumerate(zip(problem.records, joint.places, strict=True)):
         found = modes[number]
         local = [joint.names[place].endswith("]") and name != "tau" for name, place in zip(names, places, strict=True)]

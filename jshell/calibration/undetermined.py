@@ -48,6 +48,35 @@ def open_constants(
     return found
 
 
+def estimates_of(
+    names: Sequence[str],
+    varied: Sequence[str],
+    shown: np.ndarray,
+    begin: np.ndarray,
+    errors: Uncertainty,
+    undetermined: Mapping[str, str],
+) -> list[Estimate]:
+    """Every constant: fixed ones as they are, varied ones with their errors, or the reason why they have no value.
+
+    Args:
+        names: All constants, in the order of `shown`, their values, and `begin`, those of the best start.
+        varied: Those that `errors` has, in its order.
+        shown: (names,).
+        begin: (names,).
+        errors: Of the varied constants, and of what follows them.
+        undetermined: From `open_constants`.
+    """
+    found = []
+    for name, value, first in zip(names, shown, begin, strict=True):
+        if name not in varied:
+            found.append(Estimate(name, float(value), role="fixed"))
+            continue
+        j = varied.index(name)
+        one = Estimate(name, float(value), float(errors.stderr[j]), errors.reasons[j], float(first))
+        found.append(hidden(one, undetermined[name]) if name in undetermined else one)
+    return found
+
+
 def hide_derived(
     derived: Sequence[Estimate], gradient: np.ndarray, constants: np.ndarray, null: np.ndarray, outcome: Outcome
 ) -> tuple[Estimate, ...]:
