@@ -148,7 +148,7 @@ def compare(
     if not found:
         raise BadShape("trace", found="no model that fits it", expected="a ring-down", remedy="Choose another window.")
     found.sort(key=lambda row: row.bic)
-    return ModelComparison(tuple(found), names, data.size, _verdict(found))
+    return ModelComparison(tuple(found), names, data.size, _conclusion(found))
 
 
 def _row(
@@ -215,7 +215,7 @@ def _modes(times: np.ndarray, data: np.ndarray, weight: np.ndarray, noise) -> li
     return rows
 
 
-def _verdict(rows: list[Row]) -> str:
+def _conclusion(rows: list[Row]) -> str:
     """The comparison in plain words."""
     known = {row.name: row for row in rows}
     waves = [known[name] for name in MODELS[:3] if name in known]
