@@ -15,6 +15,7 @@ from jshell.calibration.frequency_table import prepare
 from jshell.calibration.master_curve import fit_frequencies
 from jshell.calibration.report import FitResult
 from jshell.calibration.resampling import resample
+from jshell.calibration.uncertainty import equal_tails
 
 
 @dataclass(frozen=True)
@@ -38,8 +39,7 @@ class Bootstrap:
 
     def interval(self, name: str, level: float = 0.68) -> tuple[float, float]:
         """Quantiles that enclose `level` of the resamples."""
-        low, high = np.quantile(self[name], [(1 - level) / 2, (1 + level) / 2])
-        return float(low), float(high)
+        return equal_tails(self[name], level)
 
 
 def bootstrap_frequencies(

@@ -25,6 +25,7 @@ from jshell.calibration.joint import Joint, blocks
 from jshell.calibration.objective import Objective
 from jshell.calibration.rebuilt import objective_of
 from jshell.calibration.result import Fit
+from jshell.calibration.uncertainty import equal_tails
 from jshell.errors import BadValue, require_extra
 from jshell.io.records import write_groups
 
@@ -58,9 +59,7 @@ class Posterior:
 
     def interval(self, name: str, level: float | int = 0.95) -> tuple[float, float]:
         """Equal tails."""
-        column = self.draws[:, :, self.names.index(name)].ravel()
-        low, high = np.quantile(column, [(1 - level) / 2, (1 + level) / 2])
-        return float(low), float(high)
+        return equal_tails(self.draws[:, :, self.names.index(name)], level)
 
     def report(self, level: float | int = 0.95) -> str:
         """The intervals as text."""

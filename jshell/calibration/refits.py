@@ -26,6 +26,7 @@ from jshell.calibration.rebuilt import objective_of
 from jshell.calibration.resampling import resample
 from jshell.calibration.result import Fit
 from jshell.calibration.robust import counts
+from jshell.calibration.uncertainty import equal_tails
 from jshell.errors import BadValue, Outcome, choose
 
 KINDS = ("auto", "normal", "residuals")
@@ -70,8 +71,7 @@ class Refits:
             BadName: Not varied.
         """
         choose("parameter", name, self.names, noun="varied parameter")
-        low, high = np.nanquantile(self.values[:, self.names.index(name)], [(1 - level) / 2, (1 + level) / 2])
-        return float(low), float(high)
+        return equal_tails(self.values[:, self.names.index(name)], level)
 
     def report(self, level: float | int = 0.95) -> str:
         """The intervals as text."""

@@ -141,6 +141,12 @@ def information(chi_square: float, count: int, varied: int) -> tuple[float, floa
     return float(logarithm + 2 * varied), float(logarithm + np.log(count) * varied)
 
 
+def equal_tails(draws: np.ndarray, level: float | int) -> tuple[float, float]:
+    """Quantiles that enclose `level` of the draws and leave as many below as above; those that are NaN do not count."""
+    low, high = np.nanquantile(draws, [(1 - level) / 2, (1 + level) / 2])
+    return float(low), float(high)
+
+
 def propagate(gradient: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     """Standard errors of functions with a (functions, parameters) gradient."""
     return np.sqrt(np.einsum("fi,ij,fj->f", gradient, covariance, gradient).clip(0))
