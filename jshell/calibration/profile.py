@@ -9,8 +9,9 @@ Source     criterion χ²: Δχ² = s² χ²₁(level), as MINOS has it; criteri
            conf_interval has it. Scaled errors take F by default, absolute ones χ².
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.special
@@ -90,6 +91,16 @@ class Profile:
                 for one in self.intervals
             },
         }
+
+    @staticmethod
+    def from_record(record: Mapping[str, Any]) -> "Profile":
+        """What `record` said, to be read again: without the errors, the growth and the points, which it leaves out."""
+        number = lambda x: np.nan if x is None else x  # noqa: E731
+        intervals = tuple(
+            Interval(name, one["value"], number(one["low"]), number(one["high"]), one["reason"], np.nan)
+            for name, one in record["intervals"].items()
+        )
+        return Profile(intervals, record["level"], record["criterion"], np.nan, ())
 
 
 def profile(

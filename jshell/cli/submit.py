@@ -35,6 +35,8 @@ def submit(
     as_json: Json = False,
 ) -> None:
     """Fit traces on a service; the report is that of `jshell fit`. A token is read from JSHELL_TOKEN."""
+    from jshell.calibration.profile import Profile  # help need not wait for it
+
     for path, option in ((plot, "--plot"), (save, "--save")):
         if path is not None:
             writable(path, option)
@@ -50,27 +52,4 @@ def submit(
         intervals = client.profile(job) if profile else None
     if save is not None:
         log(f"wrote {found.save(save)}")
-    tell(found, {} if intervals is None else {"profile": _Told(intervals)}, plot, as_json)
-
-
-class _Told:
-    """Profile intervals as the service tells them."""
-
-    def __init__(self, record: dict) -> None:
-        self._record = record
-
-    def record(self) -> dict:
-        """As JSON."""
-        return self._record
-
-    def report(self) -> str:
-        """As text."""
-        shown = lambda x: "open" if x is None else f"{x:.6g}"  # noqa: E731
-        rows = [
-            f"    {name}: {one['value']:.6g} in {shown(one['low'])} … {shown(one['high'])}"
-            + (f" ({one['reason']})" if one["reason"] else "")
-            for name, one in self._record["intervals"].items()
-        ]
-        return "\n".join(
-            [f"[[Profile likelihood, {100 * self._record['level']:g}%]] {self._record['criterion']}", *rows]
-        )
+    tell(found, {} if intervals is None else {"profile": Profile.from_record(intervals)}, plot, as_json)

@@ -13,10 +13,12 @@ from typer.testing import CliRunner
 
 import jshell as js
 from jshell.calibration.options import OPTIONS, choices_of, default_of, words_of
+from jshell.calibration.profile import Interval, Profile
 from jshell.cli.main import app
 from jshell.cli.options import flag
 from jshell.oscillator import random_shell, random_trace
-from jshell.service import sending, tasks
+from jshell.service import client, sending, tasks
+from jshell.service.encoding import as_json
 from jshell.service.jobs import specification
 from jshell.service.schemas import FitRequest
 from jshell.service.web import forms
@@ -130,3 +132,33 @@ def test_every_way_in_says_the_same_words():
             shown = dict(forms.choice(name).values)
             assert [key or None for key in shown] == sorted(choices_of(name), key=lambda key: key != default_of(name))
             assert all(words in shown[key or ""] for key, words in choices_of(name).items())
+
+
+PROFILE = Profile(
+    (
+        Interval("alpha1", 1.0 / 3.0, 0.3, 0.41, "", 0.02),
+        Interval("k_vs", -0.2, np.nan, 0.1, "below: it reaches its bound at Δχ²/s² = 1.2", 0.1),
+    ),
+    0.95,
+    "Δχ²/s² = 3.86, F with 1 and 396 degrees of freedom, s² = 0.01 from the residual",
+    3.86,
+    (np.zeros((3, 2)), np.zeros((3, 2))),
+)
+
+
+@pytest.mark.parametrize("form", [[], ["--json"]])
+def test_submit_shows_a_profile_in_the_words_of_fit(form, recording, monkeypatch):
+    """A fit and its profile by hand: a search for them compiles for long."""
+    none, read = np.zeros((0, 0)), (js.io.read_trace(recording),)
+    found = js.FitResult("by hand", js.Outcome.OK, (), (), none, none, (), np.zeros(8), 0.0, 8, 3, False, traces=read)
+    served = json.loads(as_json(PROFILE.record()))
+    monkeypatch.setattr(js.FitResult, "profile", lambda self: PROFILE)
+    monkeypatch.setattr(js.calibration, "fit_trajectories", lambda traces, options: found)
+    job = client.Job(client.Client(), "1", "fit", "done", 1.0, {})
+    monkeypatch.setattr(client.Client, "submit", lambda self, files, **options: job)
+    monkeypatch.setattr(client.Client, "result", lambda self, job: found)
+    monkeypatch.setattr(client.Client, "profile", lambda self, job: served)
+    shown = [CliRunner().invoke(app, [verb, str(recording), "--profile", *form]) for verb in ("fit", "submit")]
+    assert shown[0].exit_code == shown[1].exit_code == 0, shown[1].output
+    assert shown[0].stdout == shown[1].stdout
+    assert "k_vs" in shown[0].stdout
