@@ -133,12 +133,13 @@ def pack_result(found: BatchResult, names: Sequence[str] | None = None) -> bytes
     return archives.pack(arrays)
 
 
-def unpack_result(content: bytes, name: str = "record.npz") -> BatchResult:
+def unpack_result(content: bytes) -> BatchResult:
     """A result from such a file.
 
     Raises:
         BadFile: Not such a file.
     """
+    name = "record.npz"
     arrays = archives.unpack(content, name)
     arrays.pop("names", None)
     try:

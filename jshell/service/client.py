@@ -45,7 +45,7 @@ class Job:
         id: Its name.
         kind: `fit`, `batch`, `simulate`, `modes` or `invert`.
         state: `queued`, `running`, `done`, `failed` or `cancelled`.
-        progress: Part that is done, 0 to 1.
+        progress: 1 once it is done, 0 before: no job says how far it has come.
         specification: What was asked.
         error: Why it failed, in the library's words.
     """

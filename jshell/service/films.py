@@ -25,7 +25,6 @@ from jshell.service.encoding import as_json
 
 SIDE = 900  # pixels of the first look's longer side at most
 POINTS = 400  # of an outline on the page at most
-OPTIONS = ("rate", "pixel", "bright", "axis", "holder", "section", "start", "stop", "grid")
 Files = Sequence[tuple[str, Content]]
 
 

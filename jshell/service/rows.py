@@ -50,7 +50,7 @@ class JobRow:
         attempt: How often it was begun.
         owner: Who works or worked on it.
         created, started, finished: Times [s since 1970].
-        progress: Part that is done, 0 to 1.
+        progress: 1 once it is done, 0 before: no job says how far it has come.
         error: Why it failed.
     """
 

@@ -229,21 +229,16 @@ class Store(Uploads):
             attempt=jobs.c.attempt + 1,
             started=sa.func.coalesce(jobs.c.started, now),
             lease=now + seconds,
-            progress=0.0,
         )
         with self.database.writing() as connection:
             row = connection.execute(change.returning(*jobs.c)).one_or_none()
         return None if row is None else job_of(row)
 
-    def heartbeat(
-        self, job: str, owner: str, attempt: int, *, seconds: float | int = 15.0, progress: float | int | None = None
-    ) -> bool:
+    def heartbeat(self, job: str, owner: str, attempt: int, *, seconds: float | int = 15.0) -> bool:
         """Say that a job is still worked on; false where it was cancelled, or given to another."""
-        values: dict[str, Any] = {"lease": self.database.clock + seconds}
-        if progress is not None:
-            values["progress"] = progress
+        change = statements.held(job, owner, attempt).values(lease=self.database.clock + seconds)
         with self.database.writing() as connection:
-            return connection.execute(statements.held(job, owner, attempt).values(**values)).rowcount == 1
+            return connection.execute(change).rowcount == 1
 
     def finish(self, job: str, owner: str, attempt: int, outcome: Mapping[str, bytes] | JobFailure) -> bool:
         """Record what a job made, or why it failed; once, and only by who holds it.
@@ -256,7 +251,7 @@ class Store(Uploads):
             state=FAILED if failed else DONE,
             finished=self.database.clock,
             lease=None,
-            progress=jobs.c.progress if failed else 1.0,
+            progress=0.0 if failed else 1.0,
             error=json.dumps(dataclasses.asdict(outcome)) if failed else None,
         )
         with self.database.writing() as connection:
@@ -307,7 +302,6 @@ class Store(Uploads):
             finished=sa.case((given_up, self.database.clock), else_=sa.null()),
             error=sa.case((given_up, error), else_=sa.null()),
             lease=None,
-            progress=0.0,
         )
         return connection.execute(change).rowcount
 

@@ -73,11 +73,6 @@ class Worker:
         for slot in self._slots:
             slot.close(max(1.0, deadline - time.monotonic()))
 
-    @property
-    def busy(self) -> int:
-        """Jobs under way."""
-        return sum(slot.job is not None for slot in self._slots)
-
     def _keep(self) -> None:
         """Say of every running job that it is worked on; take back those whose workers have fallen silent."""
         while not self.ending.wait(min(1.0, self.settings.lease / 5)):

@@ -107,8 +107,8 @@ def test_a_job_from_acceptance_to_result(store):
     assert leased.specification == {"seed": 1, "fix": {"alpha1": 3.6}}
     assert leased.traces == (trace.id,)
     assert store.lease("you", 15) is None
-    assert store.heartbeat(leased.id, "me", 1, progress=0.5)
-    assert store.job(leased.id).progress == 0.5
+    assert store.heartbeat(leased.id, "me", 1)
+    assert store.job(leased.id).progress == 0.0
     assert store.finish(leased.id, "me", 1, {"record.json": b"{}", "table.csv": b"\x00\xff"})
     ended = store.job(leased.id)
     assert (ended.state, ended.progress, ended.error) == ("done", 1.0, None)
@@ -504,7 +504,7 @@ def test_what_is_no_file_is_copied_by_its_own_means(tmp_path, db):
 def test_what_is_begun_anew_has_no_progress_and_can_be_called_off(store):
     job = asked(store).job
     store.lease("before the restart", 15)
-    assert store.heartbeat(job.id, "before the restart", 1, progress=0.5)
+    assert store.heartbeat(job.id, "before the restart", 1)
     assert silent(store)
     row = store.job(job.id)
     assert (row.state, row.progress, row.attempt, row.owner) == ("queued", 0.0, 1, None)

@@ -86,11 +86,7 @@ ENVIRONMENT.globals |= {"with_error": with_error, "version": jshell.__version__,
 def shown(request: Request, template: str, given: Mapping[str, Any], status: int = 200) -> HTMLResponse:
     """A page."""
     settings = request.app.state.service.settings if hasattr(request.app.state, "service") else None
-    common = {
-        "path": request.url.path,
-        "logged_in": COOKIE in request.cookies,
-        "needs_token": bool(settings is not None and settings.token),
-    }
+    common = {"path": request.url.path, "logged_in": COOKIE in request.cookies}
     text = ENVIRONMENT.get_template(template).render(**common, **given)
     if (
         root := settings.root_path if settings is not None else ""
