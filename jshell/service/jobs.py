@@ -107,7 +107,7 @@ def specification(asked: Wire) -> dict[str, Any]:
 def simulator_specification(asked: SimulateRequest) -> dict[str, Any]:
     """What a worker is asked to simulate."""
     options = {name: getattr(asked, name) for name in ("duration", "ramp", "elements")}
-    return {"model": "simulator", "conditions": _conditions(asked), "every": EVERY, **options}
+    return {"model": "simulator", "conditions": asked.shell(), "every": EVERY, **options}
 
 
 def modes_specification(asked: ModesRequest) -> dict[str, Any]:
@@ -115,14 +115,10 @@ def modes_specification(asked: ModesRequest) -> dict[str, Any]:
     options = {name: getattr(asked, name) for name in ModesRequest.model_fields if name not in Conditions.model_fields}
     orders = options.pop("azimuth")
     if orders is None:
-        return {"conditions": _conditions(asked), **options}
+        return {"conditions": asked.shell(), **options}
     if "liquid" not in asked.model_fields_set:
         options["liquid"] = None  # the best that is known of each order
-    return {"conditions": _conditions(asked), **options, "azimuth": sorted(set(orders))}
-
-
-def _conditions(asked: Conditions) -> dict[str, float]:
-    return {name: getattr(asked, name) for name in Conditions.model_fields}
+    return {"conditions": asked.shell(), **options, "azimuth": sorted(set(orders))}
 
 
 @functools.lru_cache(maxsize=MAX_CACHED_RESULTS)

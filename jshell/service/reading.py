@@ -203,6 +203,4 @@ def with_conditions(name: str, content: bytes, given: Mapping[str, float]) -> tu
 
 def conditions_of(problem: Reduced | None) -> dict[str, float] | None:
     """Conditions under the names that files have for them."""
-    if problem is None:
-        return None
-    return {key: float(value) for key, value in problem.as_dict().items()}
+    return None if problem is None else sending.numbers(problem)

@@ -177,6 +177,10 @@ class Conditions(Wire):
     kappa: float = Field(1.4, strict=True, ge=1, le=10, description="Polytropic exponent.")
     nu: float = Field(0.5, strict=True, gt=-1, le=0.5, description="Poisson ratio.")
 
+    def shell(self) -> dict[str, float]:
+        """The shell and its load alone, of a request that says more."""
+        return {name: getattr(self, name) for name in Conditions.model_fields}
+
 
 class SimulateRequest(Conditions):
     """The short model at once, or a run of the simulator as a job."""

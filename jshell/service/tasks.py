@@ -11,6 +11,7 @@ import os
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from inspect import signature
 from typing import Any
 
 import numpy as np
@@ -33,7 +34,7 @@ from jshell.shell import Reduced
 from jshell.trace import Trace
 
 FIT_MORE = ("conditions", "profile", "netcdf")  # of a job beside the options of the fit
-BATCH = ("loss", "channels", "noise", "solver", "equilibrium", "fix", "bounds", "starts", "seed")
+BATCH = tuple(name for name in signature(calibration.fit_batch).parameters if name not in ("traces", "progress"))
 SIMULATOR = (
     "duration", "every", "ramp", "elements", "attached", "shell_density", "step", "follow", "tolerance", "netcdf",
 )  # fmt: skip
@@ -134,8 +135,8 @@ def batch(specification: Mapping[str, Any], files: Files) -> dict[str, bytes]:
         JshellError: As `jshell.calibration.fit_batch`.
     """
     check_names(specification, BATCH)
-    asked = dict(specification)
-    asked["bounds"] = {name: _limits(pair) for name, pair in (asked.pop("bounds", None) or {}).items()}
+    bounds = FitOptions.from_record({"bounds": specification.get("bounds")}).bounds
+    asked = {**specification, "bounds": bounds}
     usual = {"modal": (), "strict": ("V", "S")}.get(asked.get("loss") or "")
     records = batches.read(files, asked.get("channels") or usual)
     found = batches.fitted(records, asked)
@@ -240,11 +241,6 @@ def _warm() -> None:
     """Compile what a usual fit needs, once a process: two channels, up to 512 samples."""
     trace, _ = motion({"model": "oscillator", "conditions": _USUAL, "duration": 40.0, "every": 0.1})
     calibration.fit_trajectories(trace, "strict")
-
-
-def _limits(pair: Sequence[float | int | None]) -> tuple[float, float]:
-    low, high = pair
-    return (-np.inf if low is None else float(low), np.inf if high is None else float(high))
 
 
 def _parameters(found: calibration.FitResult) -> bytes:

@@ -16,7 +16,7 @@ from jshell.service.jobs import simulator_specification
 from jshell.service.replies import JobOut, SimulateOut, finite
 from jshell.service.schemas import Conditions, SimulateRequest
 from jshell.service.state import Here
-from jshell.shell.parameters import CONDITION_FIELDS, Reduced
+from jshell.shell.parameters import Reduced
 
 router = APIRouter(tags=["simulations"], route_class=Route)
 ANSWERS = problem_responses(409, 429, made=(202,))
@@ -50,7 +50,7 @@ def constants(asked: SimulateRequest) -> tuple[Coefficients, Decay]:
 
 def conditions(asked: Conditions) -> Reduced:
     """The shell asked for."""
-    return Reduced.from_dict({key: getattr(asked, key) for key in CONDITION_FIELDS})
+    return Reduced.from_dict(asked.shell())
 
 
 def answered(asked: SimulateRequest) -> dict[str, Any]:
@@ -75,7 +75,7 @@ def answered(asked: SimulateRequest) -> dict[str, Any]:
         "softening": {"load": load, "slow": drops[0], "fast": drops[1], "marmottant": drops[2]},
         "crossing": {"P_ext": listed(found.loads), **dict(zip(names, map(listed, found.crossing), strict=True))},
         "trace": {"t": listed(found.times), "V": listed(found.motion[0]), "S": listed(found.motion[1])},
-        "conditions": {name: getattr(asked, name) for name in Conditions.model_fields},
+        "conditions": asked.shell(),
         "coefficients": {name: float(getattr(c, name)) for name in ("alpha1", "alpha2", "k_vs")}
         | {"beta1": None if math.isnan(decay.tau) else float(c.beta1)},
     }

@@ -11,7 +11,7 @@ from jshell.oscillator import SOURCE
 from jshell.service import jobs, shape
 from jshell.service.api.simulate import answered, conditions
 from jshell.service.jobs import modes_specification, of_kind, simulator_specification
-from jshell.service.schemas import Conditions, ModesRequest, SimulateRequest
+from jshell.service.schemas import ModesRequest, SimulateRequest
 from jshell.service.state import Here
 from jshell.service.web import drawing, series
 from jshell.service.web.fits import common, handed_in
@@ -99,9 +99,7 @@ def run(here: Here, sent: Sent) -> Response:
 @router.post("/modes")
 def find_modes(here: Here, sent: Sent) -> Response:
     """Ask for the modes of the shell on the sliders, in the exact liquid."""
-    asked = _asked(sent)
-    shell = {name: getattr(asked, name) for name in Conditions.model_fields}
-    return handed_in(here, "modes", modes_specification(ModesRequest(**shell)), [])
+    return handed_in(here, "modes", modes_specification(ModesRequest.model_validate(_asked(sent).shell())), [])
 
 
 @router.get("/modes/{id}")
