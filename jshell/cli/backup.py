@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from jshell.cli.output import Json, log, say, speaking
+from jshell.cli.output import Json, log, print_json, speaking
 
 DB = "sqlite:///jshell.db"
 
@@ -18,7 +18,7 @@ def backup(
     as_json: Json = False,
 ) -> None:
     """Copy a service's jobs while it runs, all as of one moment, and look at the copy. (PostgreSQL: pg_dump.)"""
-    _tell(importlib.import_module("jshell.service.copies").backup(db, copy), f"wrote {copy}", as_json)
+    _report(importlib.import_module("jshell.service.copies").backup(db, copy), f"wrote {copy}", as_json)
 
 
 @speaking
@@ -30,11 +30,11 @@ def restore(
 ) -> None:
     """Look at a copy, every page and every upload, and put it where a service can start from it."""
     copies = importlib.import_module("jshell.service.copies")
-    _tell(copies.check(copy) if check else copies.restore(copy, db), "sound" if check else f"wrote {db}", as_json)
+    _report(copies.check(copy) if check else copies.restore(copy, db), "sound" if check else f"wrote {db}", as_json)
 
 
-def _tell(found: dict[str, int], words: str, as_json: bool) -> None:
+def _report(found: dict[str, int], words: str, as_json: bool) -> None:
     if as_json:
-        say(found)
+        print_json(found)
     else:
         log(f"{words}: " + ", ".join(f"{count} {name}" for name, count in found.items()))

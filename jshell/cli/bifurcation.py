@@ -11,7 +11,7 @@ import jshell
 from jshell.cli import decay as decays
 from jshell.cli.constants import Damped, with_damping
 from jshell.cli.destinations import Picture, drawable
-from jshell.cli.output import Json, finish, log, say, speaking
+from jshell.cli.output import Json, finish, log, print_json, speaking
 from jshell.cli.problem import Case, with_conditions, with_options
 from jshell.errors import BadValue, Outcome
 
@@ -78,8 +78,9 @@ def bifurcation(
         }
         kinds = {"pulsation": "angular frequency", "first_ended": "pressure"}
         units = problem.si({"pulsation": angular_frequency, "first_ended": first}, kinds)
-        say({"pulsation": angular_frequency, "lanes": rows, "first_ended": first, **units, "decay": decay.record(),
-             "plot": None if plot is None else str(plot), "conditions": problem.record()})  # fmt: skip
+        print_json({"pulsation": angular_frequency, "lanes": rows, "first_ended": first, **units,
+                    "decay": decay.record(), "plot": None if plot is None else str(plot),
+                    "conditions": problem.record()})  # fmt: skip
     else:
         words = {0: "does not repeat within 8 periods", 1: "repeats every period"}
         shown: list[tuple[str, Any, str | None]]

@@ -9,7 +9,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 import jshell
 from jshell.cli.destinations import writable
-from jshell.cli.output import NOT_OK, Json, Verbs, log, say, speaking, table
+from jshell.cli.output import NOT_OK, Json, Verbs, log, print_json, speaking, table
 from jshell.errors import BadFile
 
 app = typer.Typer(
@@ -18,7 +18,7 @@ app = typer.Typer(
 Folder = Annotated[Path | None, typer.Argument(help="A campaign's folder; the one that comes with jshell if none.")]
 Engine = Annotated[str, typer.Option(help="Where runs are done: inline, processes, processes:N, tcp://host:port.")]
 OUT = Path("out/campaign")
-SHOWN = 12  # moves told one by one
+SHOWN = 12  # moves listed one by one
 TABLES = (".csv", ".nc")
 
 
@@ -44,7 +44,7 @@ def run(
                 bar.console.print(f"{now.done}/{now.total} {now.outcome}: {named(now.last)}", highlight=False)
 
         found = jshell.campaigns.run(source, out, engine=engine, progress=show)
-    told(found, out, as_json)
+    report(found, out, as_json)
     if found.missing:
         raise typer.Exit(NOT_OK)
 
@@ -54,7 +54,7 @@ def run(
 def status(folder: Folder = None, as_json: Json = False) -> None:
     """What has run, how it ended, and what is missing."""
     where = jshell.campaigns.shipped() if folder is None else folder
-    told(jshell.campaigns.catalog(where), where, as_json)
+    report(jshell.campaigns.catalog(where), where, as_json)
 
 
 @app.command("export")
@@ -75,7 +75,7 @@ def export(
     else:
         found.to_xarray(records=True).to_netcdf(target, engine="h5netcdf")
     if as_json:
-        say({"file": str(target), "runs": len(found)})
+        print_json({"file": str(target), "runs": len(found)})
     else:
         typer.echo(f"{len(found)} runs: {target}")
 
@@ -94,8 +94,8 @@ def check(
     worst = found.worst()
     if as_json:
         moved = [vars(move) for move in worst]
-        say({"identical": found.identical, "same": found.same, "moved": moved, "versions": found.versions,
-             "only_before": found.only_before, "only_after": found.only_after})  # fmt: skip
+        print_json({"identical": found.identical, "same": found.same, "moved": moved, "versions": found.versions,
+                    "only_before": found.only_before, "only_after": found.only_after})  # fmt: skip
     else:
         typer.echo(f"{found.same} runs are the same to the last bit.")
         for title, keys in (("only in the first", found.only_before), ("only in the second", found.only_after)):
@@ -112,7 +112,7 @@ def check(
         raise typer.Exit(NOT_OK)
 
 
-def told(found: "jshell.campaigns.Catalog", where: Path, as_json: bool) -> None:
+def report(found: "jshell.campaigns.Catalog", where: Path, as_json: bool) -> None:
     """Print what a catalogue holds."""
     families = list(dict.fromkeys(name for names in found.families for name in names))
     rows = []
@@ -123,7 +123,7 @@ def told(found: "jshell.campaigns.Catalog", where: Path, as_json: bool) -> None:
         rows.append((family, kinds, str(len(part)), ended))
     bad = jshell.campaigns.failures(found)
     if as_json:
-        say({
+        print_json({
             "folder": str(where), "name": found.name, "finished": len(found), "missing": len(found.missing),
             "outcomes": found.outcomes(), "strangers": found.orphan_files,
             "families": [dict(zip(("family", "kind", "runs", "outcomes"), row, strict=True)) for row in rows],

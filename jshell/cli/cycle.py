@@ -11,7 +11,7 @@ import jshell
 from jshell.cli import decay as decays
 from jshell.cli.constants import Damped, with_damping
 from jshell.cli.destinations import OutFile, Picture, drawable, traceable, write_finite
-from jshell.cli.output import Json, finish, judged, log, say, speaking, table
+from jshell.cli.output import Json, finish, judged, log, print_json, speaking, table
 from jshell.cli.problem import Case, with_conditions, with_options
 from jshell.errors import BadValue
 
@@ -72,8 +72,8 @@ def cycle(
         files = {"out": None if out is None else str(out), "plot": None if plot is None else str(plot)}
         kinds = {"time": "time", "outer_pressure": "pressure"}
         switches = [switch._asdict() | problem.si(switch._asdict(), kinds) for switch in found.switches]
-        say({"outcome": outcome, "thresholds": found.thresholds._asdict(), "switches": switches,
-             "decay": decay.record(), "steps": steps, **files, "conditions": problem.record()})  # fmt: skip
+        print_json({"outcome": outcome, "thresholds": found.thresholds._asdict(), "switches": switches,
+                    "decay": decay.record(), "steps": steps, **files, "conditions": problem.record()})  # fmt: skip
     else:
         at = found.thresholds
         rows = [("slow load", "buckles", at.buckling_pressure, at.buckling_volume / np.pi * 0.75)]
@@ -84,10 +84,11 @@ def cycle(
         header = ("time", "the shell", "at P̂ext", "V/V0")
         if problem.scales is not None:
             times = [None, None, *(s.time for s in found.switches)]
-            told = [
-                (problem.told(t, "time"), problem.told(row[2], "pressure")) for t, row in zip(times, rows, strict=True)
+            measured = [
+                (problem.in_units(t, "time"), problem.in_units(row[2], "pressure"))
+                for t, row in zip(times, rows, strict=True)
             ]
-            rows = [(*row, *more) for row, more in zip(rows, told, strict=True)]
+            rows = [(*row, *more) for row, more in zip(rows, measured, strict=True)]
             header = (*header, "t", "Pext")
         typer.echo(table(rows, header))
         typer.echo(decays.line(decay))

@@ -12,7 +12,7 @@ import typer
 
 import jshell
 from jshell.cli.fits import fit_record
-from jshell.cli.output import Json, finish, log, say, speaking, table
+from jshell.cli.output import Json, finish, log, print_json, speaking, table
 from jshell.cli.traces import settled, signature_table
 from jshell.errors import BadFile, MissingExtra, Outcome
 
@@ -96,7 +96,7 @@ def demo(
     log(f"wrote {out / 'snap.csv'}, {out / 'frequencies.csv'}" + (f", {figure}" if figure else ""))
     seconds = time.perf_counter() - began
     if as_json:
-        say(
+        print_json(
             {
                 "rest": {"V_over_V0": rest.volume_ratio, "S_over_S0": rest.area_ratio, "P": rest.pressure},
                 "modes": {

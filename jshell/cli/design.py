@@ -6,7 +6,7 @@ import typer
 
 import jshell
 from jshell.cli.constants import with_masses
-from jshell.cli.output import Json, finish, say, speaking, table
+from jshell.cli.output import Json, finish, print_json, speaking, table
 from jshell.cli.problem import named
 
 
@@ -25,7 +25,7 @@ def design(
     found = jshell.sensitivity.design(omega_minus, omega_plus, constants, excess=excess, kappa=kappa, poisson_ratio=nu)
     shells = [named(shell) for shell in found.shells]
     if as_json:
-        say({"outcome": found.outcome, "shells": shells, "gap": found.gap, "nearest": named(found.nearest)})
+        print_json({"outcome": found.outcome, "shells": shells, "gap": found.gap, "nearest": named(found.nearest)})
     else:
         listed = found.shells or (found.nearest,)
         rows = [(_word(found, i), s.thickness, s.gas_pressure, s.outer_pressure) for i, s in enumerate(listed)]

@@ -17,7 +17,7 @@ import typer
 
 import jshell
 from jshell import __version__, programs
-from jshell.cli.output import Json, finish, log, say, speaking, table
+from jshell.cli.output import Json, finish, log, print_json, speaking, table
 from jshell.errors import JshellError, Outcome, RangeWarning
 
 STANDS_ON = ("jax", "jaxlib", "numpy", "scipy", "equinox", "diffrax", "optimistix", "lineax", "jaxtyping", "typer")
@@ -65,7 +65,7 @@ def doctor(as_json: Json = False) -> None:
     extras = _extras()
     sound = all(finding.sound for finding in findings)
     if as_json:
-        say(
+        print_json(
             {
                 "sound": sound,
                 "versions": versions,

@@ -12,7 +12,7 @@ import jshell
 from jshell.cli import decay as decays
 from jshell.cli.constants import Damped, with_damping
 from jshell.cli.destinations import OutFile, Picture, drawable, traceable, write_finite
-from jshell.cli.output import Json, finish, judged, log, say, speaking
+from jshell.cli.output import Json, finish, judged, log, print_json, speaking
 from jshell.cli.problem import Case, with_conditions, with_options
 from jshell.errors import BadValue, Outcome, choose
 from jshell.sizes import count_of_samples
@@ -103,7 +103,7 @@ def drive(
     found = short.drive(problem.conditions, constants, pressure, times=times, drag=drag)
     if memory is not None:
         _tell_of_thick_layer(problem, found)
-    _tell(problem, found, found_decay, omega, out, plot, as_json)
+    _report(problem, found, found_decay, omega, out, plot, as_json)
 
 
 def _tell_of_thick_layer(problem: Case, found: "jshell.oscillator.Response") -> None:
@@ -137,7 +137,7 @@ def _times(
     return every * np.arange(count + 1)
 
 
-def _tell(
+def _report(
     problem: Case,
     found: "jshell.oscillator.Response",
     decay: "jshell.oscillator.Decay",
@@ -146,7 +146,7 @@ def _tell(
     plot: Path | None,
     as_json: bool,
 ) -> None:
-    """Write what was asked for, and say the numbers."""
+    """Write what was asked for, and print the numbers."""
     whole = found.trace()
     outcome = judged(Outcome(int(found.outcome)), *whole.channels.values())
     settings = (*whole.settings, *decays.written(decay))
@@ -173,9 +173,9 @@ def _tell(
     steps = {"accepted": int(found.accepted), "rejected": int(found.rejected)}
     if as_json:
         files = {"out": None if out is None else str(out), "plot": None if plot is None else str(plot)}
-        say({"outcome": outcome, **numbers, "decay": decay.record(), "pulsation": omega, "harmonics": levels,
-             "steps": steps, **problem.si(numbers | {"pulsation": omega}, DIMENSIONS), **files,
-             "conditions": problem.record()})  # fmt: skip
+        print_json({"outcome": outcome, **numbers, "decay": decay.record(), "pulsation": omega, "harmonics": levels,
+                    "steps": steps, **problem.si(numbers | {"pulsation": omega}, DIMENSIONS), **files,
+                    "conditions": problem.record()})  # fmt: skip
     else:
         rows: list[tuple[str, Any, str | None]] = [("driven at ω", omega, "angular frequency")]
         rows += [(name.replace("_", " "), value, DIMENSIONS.get(name)) for name, value in numbers.items()]

@@ -10,7 +10,7 @@ import jshell
 from jshell.cli import decay as decays
 from jshell.cli.constants import Damped, with_damping
 from jshell.cli.destinations import writable
-from jshell.cli.output import Json, finish, log, say, speaking, table
+from jshell.cli.output import Json, finish, log, print_json, speaking, table
 from jshell.cli.problem import Case, with_conditions
 from jshell.errors import BadValue, Outcome
 
@@ -58,7 +58,7 @@ def export(
         "stiffening": law.stiffening,
     }
     if as_json:
-        say({"outcome": Outcome.OK, **numbers, "along": along, "out": str(path), "pulsation": omega * time})
+        print_json({"outcome": Outcome.OK, **numbers, "along": along, "out": str(path), "pulsation": omega * time})
     else:
         typer.echo(table(list(numbers.items()), ("law of the buckled shell", "value")))
     finish(Outcome.OK)

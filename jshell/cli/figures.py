@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 import jshell
-from jshell.cli.output import Json, log, say, speaking, table
+from jshell.cli.output import Json, log, print_json, speaking, table
 from jshell.errors import BadFile, choose
 
 FORMATS = ("png", "pdf", "svg")
@@ -34,7 +34,7 @@ def figures(
     if not asked:
         rows = [(one.name, one.label, one.words) for one in paper.FIGURES]
         if as_json:
-            say({"figures": [{"name": name, "label": label, "words": words} for name, label, words in rows]})
+            print_json({"figures": [{"name": name, "label": label, "words": words} for name, label, words in rows]})
         else:
             typer.echo(table(rows, ("name", "source", "what it shows")))
             typer.echo("\njshell figures NAME …, or --all")
@@ -51,6 +51,6 @@ def figures(
         drawn.append({"name": one.name, "label": one.label, "path": str(path)})
     seconds = time.perf_counter() - began
     if as_json:
-        say({"figures": drawn, "seconds": seconds})
+        print_json({"figures": drawn, "seconds": seconds})
     else:
         typer.echo(f"{len(drawn)} figures in {out}, {seconds:.0f} s")

@@ -10,9 +10,9 @@ import typer
 import jshell
 from jshell.cli.amounts import amount
 from jshell.cli.destinations import drawable, traceable
-from jshell.cli.output import Json, finish, log, say, speaking
+from jshell.cli.output import Json, finish, log, print_json, speaking
 from jshell.cli.problem import with_options
-from jshell.cli.traces import signature_table, told
+from jshell.cli.traces import progress_bar, signature_table
 from jshell.errors import BadValue
 from jshell.quantities import POWERS, UNITS, laboratory_unit, quantity
 
@@ -86,7 +86,7 @@ def film(
     seen = camera.View(
         view.rate, pixel, not view.bright, _angle(view.axis), _box(view.holder), lens, view.section, view.widths
     )
-    with told(shown=not as_json) as progress:
+    with progress_bar(shown=not as_json) as progress:
         found = camera.measure(path, seen, progress)
     for text in found.warnings:
         log(f"warning: {text}")
@@ -105,11 +105,11 @@ def film(
         record[name] = {"mean": float(np.mean(values)), "sigma": float(np.median(found.trace.sigma[name]))}
     signature = jshell.signals.extract(found.trace, start=ringing.start, stop=ringing.stop) if ringing.analyse else None
     if as_json:
-        say(record | ({} if signature is None else {"signature": signature.record()}))
+        print_json(record | ({} if signature is None else {"signature": signature.record()}))
     else:
         for name in found.trace.channels:
-            typer.echo(f"{name}: mean {_told(record[name]['mean'], name, pixel, 6)}, ± "
-                       f"{_told(record[name]['sigma'], name, pixel, 2)} a frame")  # fmt: skip
+            typer.echo(f"{name}: mean {_described(record[name]['mean'], name, pixel, 6)}, ± "
+                       f"{_described(record[name]['sigma'], name, pixel, 2)} a frame")  # fmt: skip
         if signature is not None:
             typer.echo(signature_table(signature))
     if signature is not None:
@@ -119,7 +119,7 @@ def film(
         finish(signature.outcome, sound=signature.sound)
 
 
-def _told(number: float, name: str, pixel: float | None, digits: int) -> str:
+def _described(number: float, name: str, pixel: float | None, digits: int) -> str:
     """A measured number in pixels, or in a unit of the laboratory's."""
     if pixel is None:  # the channels then have names of their own
         return f"{number:.{digits}g} px" + {"volume": "³", "area": "²"}.get(name, "")

@@ -10,7 +10,7 @@ import jshell
 from jshell.calibration.options import default_of, words_of
 from jshell.cli.destinations import drawable, writable
 from jshell.cli.options import flag, takes_fit_options
-from jshell.cli.output import Json, finish, log, say, speaking
+from jshell.cli.output import Json, finish, log, print_json, speaking
 from jshell.cli.reading import takes_reading
 from jshell.errors import BadValue
 
@@ -70,7 +70,7 @@ def fit(
         channels = None if found.specification is None else found.specification.channels
         chosen = {"equilibrium": options.equilibrium, "start": options.start, "stop": options.stop}
         more["models"] = [jshell.calibration.compare(trace, channels=channels, **chosen) for trace in traces]
-    tell(found, more, plot, as_json)
+    report(found, more, plot, as_json)
 
 
 def _of_table(path: Path, weighting: str, options: Any, compare: bool, reading: Any) -> "jshell.FitResult":
@@ -100,10 +100,10 @@ def show(
     found = jshell.calibration.load(record)
     if netcdf is not None:
         log(f"wrote {found.to_netcdf(netcdf)}")
-    tell(found, {}, plot, as_json)
+    report(found, {}, plot, as_json)
 
 
-def tell(found: "jshell.FitResult", more: dict[str, Any], plot: Path | None, as_json: bool) -> None:
+def report(found: "jshell.FitResult", more: dict[str, Any], plot: Path | None, as_json: bool) -> None:
     """Draw, print and end as a fit ends."""
     if plot is not None:
         pictures = jshell.plot
@@ -115,7 +115,7 @@ def tell(found: "jshell.FitResult", more: dict[str, Any], plot: Path | None, as_
             name: [one.record() for one in each] if isinstance(each, list) else each.record()
             for name, each in more.items()
         }
-        say(fit_record(found) | rows)
+        print_json(fit_record(found) | rows)
     else:
         typer.echo(found.report())
         for each in more.values():

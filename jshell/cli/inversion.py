@@ -11,7 +11,7 @@ import typer
 import jshell
 from jshell.cli.amounts import read_amount
 from jshell.cli.destinations import Picture, drawable
-from jshell.cli.output import Json, finish, log, say, speaking
+from jshell.cli.output import Json, finish, log, print_json, speaking
 from jshell.cli.problem import with_options
 from jshell.cli.reading import takes_reading
 from jshell.errors import BadValue
@@ -110,7 +110,7 @@ def invert(
     if how == "trace":
         how = jshell.inversion.Snap(
             ramp=simulator.ramp, origin=simulator.origin, starts=simulator.starts, engine=simulator.engine,
-            checkpoint=simulator.checkpoint, progress=_tell, **mesh,
+            checkpoint=simulator.checkpoint, progress=_report_progress, **mesh,
         )  # fmt: skip
     traces = [jshell.io.read_trace(file, meta=records.meta, **reading) for file in files]
     channels = None if records.channels is None else tuple(_split([records.channels]))
@@ -126,14 +126,14 @@ def invert(
         jshell.plot.save(np.ravel(np.asarray(axes))[0].figure, plot)
         log(f"wrote {plot}")
     if as_json:
-        say(found.record() | {name: one.record() for name, one in more.items()})
+        print_json(found.record() | {name: one.record() for name, one in more.items()})
     else:
         typer.echo("\n".join([found.report(), *(one.report() for one in more.values())]))
     sound = not any(text.startswith("misfit") for text in found.warnings)
     finish(found.outcome, sound=sound, advice=found.advice)
 
 
-def _tell(number: int, share: float) -> None:
+def _report_progress(number: int, share: float) -> None:
     """A line for every simulation that is done."""
     if share >= 1:
         log(f"simulation {number}")

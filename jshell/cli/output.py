@@ -45,7 +45,7 @@ def clean(value: Any) -> Any:
     return number if math.isfinite(number) else None
 
 
-def say(record: dict[str, Any]) -> None:
+def print_json(record: dict[str, Any]) -> None:
     """Print one JSON object."""
     typer.echo(json.dumps(clean(record), ensure_ascii=False, allow_nan=False))
 
@@ -103,7 +103,7 @@ def speaking(verb: Callable[..., None]) -> Callable[..., None]:
                 verb(*args, **given)
             except JshellError as error:
                 if "--json" in sys.argv:
-                    say({"error": error.record()})
+                    print_json({"error": error.record()})
                 log(f"error: {error}")
                 raise typer.Exit(BAD_INPUT) from None
 
@@ -117,21 +117,21 @@ class Verbs(TyperGroup):
 
     def make_context(self, info_name: str | None, args: list[str], *rest: Any, **given: Any) -> Any:
         self.asked = "--json" in args
-        with self._telling():
+        with self._usage_as_json():
             return super().make_context(info_name, args, *rest, **given)
 
     def invoke(self, ctx: Any) -> Any:
-        with self._telling():
+        with self._usage_as_json():
             return super().invoke(ctx)
 
     @contextmanager
-    def _telling(self) -> Iterator[None]:
+    def _usage_as_json(self) -> Iterator[None]:
         """Print the problem on stdout; Typer goes on to print it for a person on stderr, and exits with 2."""
         try:
             yield
         except UsageError as error:
             if self.asked:
-                say({"error": usage_problem(error).record()})
+                print_json({"error": usage_problem(error).record()})
             raise
 
 

@@ -51,7 +51,7 @@ class Case:
         rows = [(key, kind) for key, kind in dimensions.items() if key in numbers]
         return {"si": {f"{key} [{units[kind]}]": self._in_si(numbers[key], kind) for key, kind in rows}}
 
-    def told(self, number: Any, dimension: str | None) -> str:
+    def in_units(self, number: Any, dimension: str | None) -> str:
         """A number in a unit of the laboratory's, as a cell of a table; angular frequencies as cycles a second."""
         found = None if dimension is None else self._in_si(number, dimension)
         if found is None or dimension is None:
@@ -74,7 +74,7 @@ class Case:
         """Names, numbers and, where the problem has units, the numbers in SI."""
         if self.scales is None:
             return table([row[:2] for row in rows], header)
-        return table([(name, number, self.told(number, kind)) for name, number, kind in rows], (*header, "SI"))
+        return table([(name, number, self.in_units(number, kind)) for name, number, kind in rows], (*header, "SI"))
 
 
 def named(conditions: "jshell.Reduced") -> dict[str, float]:

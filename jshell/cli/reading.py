@@ -11,7 +11,7 @@ import typer
 
 import jshell
 from jshell.cli.destinations import Picture, drawable
-from jshell.cli.output import Json, log, say, speaking, table
+from jshell.cli.output import Json, log, print_json, speaking, table
 from jshell.errors import JshellError
 
 _PANEL = "What a file leaves open"
@@ -115,9 +115,9 @@ def read(
         refusal = error
     record = _record(file, sheet, found)
     if as_json and refusal is None:
-        say(record)
+        print_json(record)
     elif not as_json:
-        typer.echo(_told(record))
+        typer.echo(_described(record))
     if refusal is not None:
         raise refusal
     if plot is not None and found is not None:
@@ -158,7 +158,7 @@ def _span(values: np.ndarray) -> dict[str, Any]:
     return {"smallest": ends[0], "largest": ends[1], "missing": int(values.size - good.size)}
 
 
-def _told(record: dict[str, Any]) -> str:
+def _described(record: dict[str, Any]) -> str:
     """The same for a person."""
     own = record.get("read", [])
     rows: list[tuple] = [

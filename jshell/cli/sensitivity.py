@@ -11,7 +11,7 @@ import typer
 import jshell
 from jshell.cli.constants import Damped, with_damping
 from jshell.cli.destinations import Picture, drawable
-from jshell.cli.output import Json, log, say, speaking, table
+from jshell.cli.output import Json, log, print_json, speaking, table
 from jshell.cli.problem import Case, named, with_conditions, with_options
 from jshell.errors import BadValue
 
@@ -72,15 +72,15 @@ def sensitivity(
         shown = _elasticity_table(found)
     record = found.record()
     if isinstance(found, jshell.sensitivity.Elasticities):
-        told = jshell.sensitivity.information(problem.conditions, constants)
-        record |= {"one_shell_leaves_free": list(told.words)}
-        shown += "\n" + "\n".join(f"from this shell's two frequencies alone, {line}" for line in told.words)
+        information = jshell.sensitivity.information(problem.conditions, constants)
+        record |= {"one_shell_leaves_free": list(information.words)}
+        shown += "\n" + "\n".join(f"from this shell's two frequencies alone, {line}" for line in information.words)
     if plot is not None:
         drawing = importlib.import_module("jshell.plot.sensitivity")
         draw = drawing.elasticity_bars if isinstance(found, jshell.sensitivity.Elasticities) else drawing.sobol_bars
         importlib.import_module("jshell.plot").save(draw(found).figure, plot)
     if as_json:
-        say({**record, "plot": None if plot is None else str(plot), "conditions": problem.record()})
+        print_json({**record, "plot": None if plot is None else str(plot), "conditions": problem.record()})
     else:
         typer.echo(shown)
 
@@ -103,9 +103,9 @@ def _advise(
         importlib.import_module("jshell.plot").save(axes.figure, plot)
     order = np.argsort(-np.nan_to_num(found.gain, nan=-np.inf))
     if as_json:
-        say({"best": named(found.conditions), "gain": found.gain, "stderr_before": found.before,
-             "stderr_after": found.after, "plot": None if plot is None else str(plot),
-             "conditions": problem.record()})  # fmt: skip
+        print_json({"best": named(found.conditions), "gain": found.gain, "stderr_before": found.before,
+                    "stderr_after": found.after, "plot": None if plot is None else str(plot),
+                    "conditions": problem.record()})  # fmt: skip
     else:
         typer.echo(table([(texts[k], found.gain[k]) for k in order], ("measure next: d̂,P̂0,P̂ext", "rise of ln det F")))
         typer.echo("")

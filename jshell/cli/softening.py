@@ -9,7 +9,7 @@ import typer
 import jshell
 from jshell.cli.constants import with_masses
 from jshell.cli.destinations import Picture, drawable
-from jshell.cli.output import Json, finish, say, speaking, table
+from jshell.cli.output import Json, finish, print_json, speaking, table
 from jshell.errors import BadValue, Outcome
 
 COLUMNS, ROWS = 48, 40  # of the map
@@ -65,8 +65,8 @@ def softening(
         )
     ]
     if as_json:
-        say({**numbers, "simulated": stored, "d_hat": d_hat, "P0_hat": p0_hat,
-             "plot": None if plot is None or not buckles else str(plot)})  # fmt: skip
+        print_json({**numbers, "simulated": stored, "d_hat": d_hat, "P0_hat": p0_hat,
+                    "plot": None if plot is None or not buckles else str(plot)})  # fmt: skip
     else:
         words = ("buckling load P̂ext", "sphere before / ω− after", "sphere before / ω+ after", "sphere / Marmottant")
         typer.echo(table(list(zip(words, map(float, numbers.values()), strict=True)), ("softening", "value")))

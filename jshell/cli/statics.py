@@ -12,7 +12,7 @@ import jshell
 from jshell.cli.constants import with_masses
 from jshell.cli.destinations import drawable
 from jshell.cli.driving import wall_loss
-from jshell.cli.output import Json, finish, judged, log, say, speaking, table
+from jshell.cli.output import Json, finish, judged, log, print_json, speaking, table
 from jshell.cli.problem import Case, with_conditions, with_options
 from jshell.errors import BadValue, Outcome
 
@@ -131,7 +131,7 @@ def rest(
                 "growth": symmetric.growth,
             }
         units = problem.si(numbers, REST_DIMENSIONS)
-        say(
+        print_json(
             {
                 **numbers,
                 **units,
@@ -223,7 +223,7 @@ def branch(
                 "words": loss.words,
                 "outcome": loss.outcome,
             }
-        say({"branch": columns, **marked, "outcome": found.outcome, "conditions": problem.record()})
+        print_json({"branch": columns, **marked, "outcome": found.outcome, "conditions": problem.record()})
     else:
         shown = np.unique(np.linspace(0, found.length.size - 1, max(2, rows)).round().astype(int))
         header = ("V/V0", "ΔP", "P_ext", "energy", "stability", "at held V", "gap")
@@ -296,12 +296,12 @@ def modes(
     if as_json:
         rows = () if found.axial is None else found.axial.table()
         listed = lambda rows: [asdict(row) | in_si(row, problem) for row in rows]  # noqa: E731
-        told = {"modes": listed(rows), "outcome": outcome, "conditions": problem.record()}
+        record = {"modes": listed(rows), "outcome": outcome, "conditions": problem.record()}
         if found.around is not None:
-            told["azimuthal"] = listed(found.around.table())
+            record["azimuthal"] = listed(found.around.table())
         if said is not None:
-            told["symmetry"] = said
-        say(told)
+            record["symmetry"] = said
+        print_json(record)
     else:
         typer.echo(modes_table(found, problem, everything=azimuth is not None))
         if said is not None:
@@ -328,12 +328,12 @@ def modes_table(found: "jshell.dynamics.AllModes", problem: Case, *, everything:
         return text
     orders = [(str(row.azimuth),) if everything else () for row in rows]  # pyright: ignore[reportAttributeAccessIssue]
     kinds = ("angular frequency", "angular frequency", "time")
-    told = [
-        (*order, str(row.mode), *map(problem.told, (row.omega, row.Omega, row.tau), kinds))
+    measured = [
+        (*order, str(row.mode), *map(problem.in_units, (row.omega, row.Omega, row.tau), kinds))
         for order, row in zip(orders, rows, strict=True)
     ]
     first = ("m", "mode") if everything else ("mode",)
-    return f"{text}\n\n{table(told, (*first, 'intrinsic ω/2π', 'damped Ω/2π', 'τ'))}"
+    return f"{text}\n\n{table(measured, (*first, 'intrinsic ω/2π', 'damped Ω/2π', 'τ'))}"
 
 
 def in_si(row: Any, problem: Case) -> dict[str, float | None]:
@@ -375,7 +375,7 @@ def frequencies(
     if as_json:
         used = {"alpha1": constants.alpha1, "alpha2": constants.alpha2, "kVS": constants.k_vs}
         hertz = {} if problem.scales is None else {"hertz": _in_hertz(numbers, float(problem.scales.time))}
-        say({**numbers, **hertz, "outcome": outcome, "constants": used, "conditions": problem.record()})
+        print_json({**numbers, **hertz, "outcome": outcome, "constants": used, "conditions": problem.record()})
     else:
         words = {
             "omega_minus": "slow frequency ω−",

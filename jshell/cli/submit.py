@@ -8,9 +8,9 @@ from typing import Annotated, Any
 import typer
 
 from jshell.cli.destinations import writable
-from jshell.cli.fits import tell
+from jshell.cli.fits import report
 from jshell.cli.options import takes_fit_options
-from jshell.cli.output import Json, log, say, speaking
+from jshell.cli.output import Json, log, print_json, speaking
 from jshell.cli.reading import takes_reading
 
 LOCAL = "http://127.0.0.1:8765"
@@ -45,11 +45,11 @@ def submit(
         sent = [client.upload(file, **reading) for file in files] if reading else list(files)
         job = client.submit(sent, key=key, profile=profile, **options.differing())
         if not wait:
-            say({"id": job.id, "state": job.state, "url": f"{client.url}/fits/{job.id}"})
+            print_json({"id": job.id, "state": job.state, "url": f"{client.url}/fits/{job.id}"})
             return
         log(f"{client.url}/fits/{job.id}")
         found = job.result(seconds)
         intervals = client.profile(job) if profile else None
     if save is not None:
         log(f"wrote {found.save(save)}")
-    tell(found, {} if intervals is None else {"profile": Profile.from_record(intervals)}, plot, as_json)
+    report(found, {} if intervals is None else {"profile": Profile.from_record(intervals)}, plot, as_json)

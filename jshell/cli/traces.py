@@ -23,7 +23,7 @@ from jshell.cli.driving import (
     losses,
     outer_pressure,
 )
-from jshell.cli.output import Json, finish, judged, log, say, speaking, table
+from jshell.cli.output import Json, finish, judged, log, print_json, speaking, table
 from jshell.cli.problem import Case, with_conditions, with_options
 from jshell.cli.reading import takes_reading, takes_reading_of_pressure
 from jshell.cli.statics import Attached, Elements, Spot, weak_spot
@@ -135,7 +135,7 @@ def simulate(
             "--tolerance", found="a picture as well", expected="one of the two", remedy="Draw it at fixed --elements."
         )
     finer: dict[str, Any] = {} if mesh.tolerance is None else {"tolerance": mesh.tolerance}
-    with told(shown=not (quiet or as_json) and time.duration / time.every >= LONG) as progress:
+    with progress_bar(shown=not (quiet or as_json) and time.duration / time.every >= LONG) as progress:
         made = (jshell.dynamics.record if pictured else jshell.dynamics.simulate)(
             problem.conditions,
             **dataclasses.asdict(time),
@@ -172,7 +172,9 @@ def simulate(
         pictures = {"film": film, "gif": gif}
         drawn = {key: str(path) for key, path in pictures.items() if path is not None}
         in_si = problem.si(numbers, DIMENSIONS)
-        say({"out": str(out), "outcome": outcome, **numbers, **in_si, **said, **drawn, "conditions": problem.record()})
+        print_json(
+            {"out": str(out), "outcome": outcome, **numbers, **in_si, **said, **drawn, "conditions": problem.record()}
+        )
     else:
         words = {"t_dip": "dip at t", "V_over_V0": "settles at V/V0", "S_over_S0": "settles at S/S0"}
         rows = [(words[key], value, DIMENSIONS.get(key)) for key, value in numbers.items()]
@@ -193,7 +195,7 @@ def draw(motion: "jshell.dynamics.Motion", film: Path | None, gif: Path | None, 
 
 
 @contextmanager
-def told(*, shown: bool) -> Iterator[Callable[[float], None] | None]:
+def progress_bar(*, shown: bool) -> Iterator[Callable[[float], None] | None]:
     """A progress bar on stderr, where that is a terminal and one is wanted; what the run calls, or None."""
     console = Console(stderr=True)
     if not (shown and console.is_terminal):
@@ -240,7 +242,7 @@ def analyse(
         log("note: times have no unit; `--units t=s` (or ms, …) gives the frequencies in Hz")
     found = jshell.signals.extract(trace, channel, start=start, stop=stop, drift=drift)
     if as_json:
-        say({"file": str(file), **found.record()})
+        print_json({"file": str(file), **found.record()})
     else:
         typer.echo(signature_table(found))
         for text in (found.reason, *found.notes):

@@ -29,7 +29,7 @@ from jshell.shell.presets import R
 
 DRAIN = 7.0  # seconds that running jobs have when the service is told to stop; requests under way had two before
 API = "/api/v1"
-SPOOL = 16 * 2**20  # bytes of a file on its way in that stay in memory; larger ones wait on the disk
+MAX_IN_MEMORY_BYTES = 16 * 2**20  # of a file on its way in; larger ones wait on the disk
 
 
 def create_app(settings: Settings, store: Store, worker: Worker | None = None) -> FastAPI:
@@ -58,7 +58,7 @@ def create_app(settings: Settings, store: Store, worker: Worker | None = None) -
         openapi_url="/openapi.json", redirect_slashes=False,
         summary="Fits of the short model of buckling shells, as jobs.",
     )  # fmt: skip
-    MultiPartParser.spool_max_size = SPOOL
+    MultiPartParser.spool_max_size = MAX_IN_MEMORY_BYTES
     formparsers.parse_options_header = _with_long_names
     service = Service(settings, store, Metrics())
     app.state.service = service

@@ -33,7 +33,7 @@ class Asking:
     patience: float | int
     _http: "httpx.Client"
 
-    def _told(self, read: Callable[[Any], Any], method: str, address: str, **given: Any) -> Any:
+    def _ask(self, read: Callable[[Any], Any], method: str, address: str, **given: Any) -> Any:
         """What an answer in JSON says.
 
         Raises:

@@ -145,9 +145,9 @@ def unpack_result(content: bytes) -> BatchResult:
     try:
         directions = zip(arrays.pop("free_rows").tolist(), arrays.pop("free_words").tolist(), strict=True)
         absolute = bool(arrays.pop("absolute"))
-        told = {"loss": str(arrays.pop("loss"))} if "loss" in arrays else {}
-        told |= {"channels": tuple(arrays.pop("channels").tolist())} if "channels" in arrays else {}
-        return BatchResult(**arrays, **told, free_directions=tuple(directions), absolute=absolute)  # pyright: ignore
+        choices = {"loss": str(arrays.pop("loss"))} if "loss" in arrays else {}
+        choices |= {"channels": tuple(arrays.pop("channels").tolist())} if "channels" in arrays else {}
+        return BatchResult(**arrays, **choices, free_directions=tuple(directions), absolute=absolute)  # pyright: ignore
     except (KeyError, TypeError, ValueError) as error:
         raise BadFile(name, found=str(error), expected="the record of a batch", remedy="Download it again.") from None
 

@@ -77,7 +77,7 @@ class Job:
         until = begun + max(seconds, 0.1)
         while not job.over:
             # whoever waits for a job waits for its service, too
-            job = self.client._told_job("GET", f"/{PLURAL[self.kind]}/{self.id}", until=until)
+            job = self.client._ask_job("GET", f"/{PLURAL[self.kind]}/{self.id}", until=until)
             spent = time.monotonic() - begun
             if spent >= seconds:
                 break
@@ -172,7 +172,7 @@ class Client(Asking):
             **options: As in `fit`.
         """
         words = sending.fit_options(options) | {"traces": self._uploaded(traces)}
-        return self._told_job("POST", "/fits", json=words, key=key)
+        return self._ask_job("POST", "/fits", json=words, key=key)
 
     def _uploaded(self, traces: Data | Sequence[Data]) -> list[str]:
         """Identifiers of traces, handed in where they are not yet."""
@@ -225,9 +225,9 @@ class Client(Asking):
         words = json.dumps(sending.plain(options))
         if len(content) <= MAX_BODY_BYTES:  # without a form, which takes less
             there = f"/batches/file/{quote(name, safe='')}"
-            return self._told_job("POST", there, key=key, params={"options": words}, body=content)
+            return self._ask_job("POST", there, key=key, params={"options": words}, body=content)
         given = {"files": {"files": (name, content)}, "data": {"options": words}}
-        return self._told_job("POST", "/batches", key=key, **given)
+        return self._ask_job("POST", "/batches", key=key, **given)
 
     def simulate(self, conditions: Reduced, *, seconds: float | int = 600.0, **options: Any) -> Trace:
         """A run of the simulator, there.
@@ -239,7 +239,7 @@ class Client(Asking):
         """
         asked = sending.numbers(conditions)
         words = asked | {"model": "simulator"} | sending.plain(options)
-        return self._told_job("POST", "/simulate", json=words).result(seconds)
+        return self._ask_job("POST", "/simulate", json=words).result(seconds)
 
     def modes(
         self, conditions: Reduced, *, seconds: float | int = 600.0, **options: Any
@@ -253,7 +253,7 @@ class Client(Asking):
                 `azimuth` the rows are `OrderMode`.
         """
         asked = sending.numbers(conditions)
-        return self._told_job("POST", "/modes", json=asked | sending.plain(options)).result(seconds)
+        return self._ask_job("POST", "/modes", json=asked | sending.plain(options)).result(seconds)
 
     def invert(
         self,
@@ -278,7 +278,7 @@ class Client(Asking):
             What `jshell.inversion.Inversion.record` says.
         """
         words = sending.question(unknown, known, options) | {"traces": self._uploaded(traces)}
-        return self._told_job("POST", "/inversions", json=words).result(seconds)
+        return self._ask_job("POST", "/inversions", json=words).result(seconds)
 
     def upload(self, trace: Data, conditions: Mapping[str, float] | None = None, **said: Any) -> str:
         """Hand a trace in; the same bytes are kept once.
@@ -297,7 +297,7 @@ class Client(Asking):
             name, content = sending.content(trace)
         data = {} if conditions is None else {"conditions": json.dumps(dict(conditions))}
         data |= {"reading": sending.reading(said)} if said else {}
-        return self._told(lambda found: str(found["id"]), "POST", "/traces", files={"file": (name, content)}, data=data)
+        return self._ask(lambda found: str(found["id"]), "POST", "/traces", files={"file": (name, content)}, data=data)
 
     def job(self, id: str, kind: str = "fit") -> Job:
         """A job as it stands.
@@ -305,20 +305,20 @@ class Client(Asking):
         Raises:
             NotFound: No such job.
         """
-        return self._told_job("GET", f"/{PLURAL[kind]}/{id}")
+        return self._ask_job("GET", f"/{PLURAL[kind]}/{id}")
 
     def jobs(self, kind: str = "fit", state: str | None = None) -> Iterator[Job]:
         """All jobs of a kind, the latest first."""
         address: str | None = f"/{PLURAL[kind]}?limit=200" + ("" if state is None else f"&state={state}")
         while address is not None:
-            page, further = self._told(lambda found: ([*map(self._job, found["jobs"])], found["next"]), "GET", address)
+            page, further = self._ask(lambda found: ([*map(self._job, found["jobs"])], found["next"]), "GET", address)
             yield from page
             address = None if further is None else further.removeprefix("/api/v1")
 
     def cancel(self, job: Job | str, kind: str = "fit") -> Job:
         """Call a job off; one that is over stays as it is."""
         id, kind = (job.id, job.kind) if isinstance(job, Job) else (job, kind)
-        return self._told_job("DELETE", f"/{PLURAL[kind]}/{id}")
+        return self._ask_job("DELETE", f"/{PLURAL[kind]}/{id}")
 
     def result(self, job: Job | str, kind: str = "fit") -> Any:
         """What a job that is done found: `FitResult`, `BatchResult`, `Trace`, a row per mode, or an inversion's record.
@@ -331,9 +331,9 @@ class Client(Asking):
             return batches.unpack_result(self._send("GET", f"/batches/{id}.npz").content)
         if kind == "modes":
             kind_of = lambda row: OrderMode if "azimuth" in row else Mode  # noqa: E731
-            return self._told(lambda rows: tuple(kind_of(row)(**row) for row in rows), "GET", f"/modes/{id}.json")
+            return self._ask(lambda rows: tuple(kind_of(row)(**row) for row in rows), "GET", f"/modes/{id}.json")
         if kind == "invert":
-            return self._told(dict, "GET", f"/inversions/{id}.json")
+            return self._ask(dict, "GET", f"/inversions/{id}.json")
         content = self._send("GET", f"/{PLURAL[kind]}/{id}.json").content
         file = NamedBytes("record.json", content)
         return load(file) if kind == "fit" else io.read_trace(file)
@@ -341,7 +341,7 @@ class Client(Asking):
     def profile(self, job: Job | str) -> dict[str, Any] | None:
         """Profile intervals of a fit, where they were asked for; as `Profile.record()` says them."""
         id = job.id if isinstance(job, Job) else job
-        return self._told(lambda found: (found["result"] or {}).get("profile"), "GET", f"/fits/{id}")
+        return self._ask(lambda found: (found["result"] or {}).get("profile"), "GET", f"/fits/{id}")
 
     def healthy(self) -> bool:
         """Whether jshell's service is there and takes jobs."""
@@ -359,5 +359,5 @@ class Client(Asking):
             self, found["id"], found["kind"], found["state"], float(found["progress"]), found["specification"], error
         )
 
-    def _told_job(self, method: str, address: str, **given: Any) -> Job:
-        return self._told(self._job, method, address, **given)
+    def _ask_job(self, method: str, address: str, **given: Any) -> Job:
+        return self._ask(self._job, method, address, **given)

@@ -1,4 +1,4 @@
-"""Films as jobs: a first look at one, and its measurement. What strangers send is decoded in the job's own process.
+"""Films as jobs: a first look at one, and its measurement. What a client sends is decoded in the job's own process.
 
 An upload lies in a folder of its own while the job lasts, since FFmpeg and the TIFF reader want a path.
 """
@@ -56,7 +56,7 @@ def look(specification: Mapping[str, Any], files: Files) -> dict[str, bytes]:
     Raises:
         JshellError: As `jshell.camera.open_film`.
     """
-    with _laid_out(files) as (path, _), camera.open_film(path) as film:
+    with _written(files) as (path, _), camera.open_film(path) as film:
         frame = film.read(0)
         bright, outline = _found(frame)
         points = None if outline is None else outline.points[:: -(-len(outline.points) // POINTS)]
@@ -88,7 +88,7 @@ def film(specification: Mapping[str, Any], files: Files) -> dict[str, bytes]:
         JshellError: As `jshell.camera.measure`.
     """
     asked = dict(specification)
-    with _laid_out(files) as (path, grid):
+    with _written(files) as (path, grid):
         lens = camera.lens_from_grid(grid) if asked.get("grid") and grid is not None else None
         view = camera.View(
             asked.get("rate"), asked.get("pixel"), not asked.get("bright"), asked.get("axis", 90.0),
@@ -116,7 +116,7 @@ def film(specification: Mapping[str, Any], files: Files) -> dict[str, bytes]:
 
 
 @contextmanager
-def _laid_out(files: Files) -> Iterator[tuple[Path, Path | None]]:
+def _written(files: Files) -> Iterator[tuple[Path, Path | None]]:
     """The film, and what came with it, on the disk; errors call them by their own names."""
     with tempfile.TemporaryDirectory(prefix="jshell-film-") as folder:
         paths = []
@@ -167,7 +167,7 @@ def _png(frame: np.ndarray) -> bytes:
 
 
 def _signature(found: camera.Filmed, start: float | None, stop: float | None) -> dict[str, Any]:
-    """The frequencies heard; a film that cannot carry them keeps its numbers."""
+    """The frequencies identified; a film that cannot carry them keeps its numbers."""
     try:
         return signals.extract(found.trace, start=start, stop=stop).record()
     except JshellError as error:

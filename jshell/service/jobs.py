@@ -199,8 +199,8 @@ def summary(store: Store, job: JobRow) -> str:
         if job.kind == "look":
             return f"{seen['frames']} frames of {seen['rows']} × {seen['columns']}"
         if job.kind == "film":
-            heard = [seen["signature"].get(name) for name in ("f_minus_Hz", "f_plus_Hz")]
-            return f"{seen['frames']} frames, " + ", ".join("–" if f is None else f"{f:.4g} Hz" for f in heard)
+            frequencies = [seen["signature"].get(name) for name in ("f_minus_Hz", "f_plus_Hz")]
+            return f"{seen['frames']} frames, " + ", ".join("–" if f is None else f"{f:.4g} Hz" for f in frequencies)
         return f"{seen['outcome'].replace('_', ' ')}: {', '.join(seen['varied'])}"
     except JshellError as error:
         return str(error)

@@ -1,4 +1,4 @@
-"""What a fit would begin from: the modes heard in the traces, and the constants that they imply.
+"""What a fit would begin from: the modes identified in the traces, and the constants that they imply.
 
 Nothing is fitted here. The curve drawn over the data is the two decaying modes
 of a matrix pencil, from which the library's first start is made.
@@ -25,9 +25,9 @@ class Preview:
         loss: `strict` or `modal`.
         channels: Those read.
         traces: Inside the window.
-        curves: Per trace, channel to the modes heard; empty where no two modes are heard.
-        start: Constant to the value that the search begins from; empty where nothing is heard.
-        modes: Per trace ω-, ω+ and τ heard; None where nothing is.
+        curves: Per trace, channel to the modes identified; empty where there are not two.
+        start: Constant to the value that the search begins from; empty where no modes are.
+        modes: Per trace ω-, ω+ and τ identified; None where they are not.
         notes: What the reader should know.
     """
 
@@ -60,11 +60,11 @@ def preview(
         cut = windowed(traces, start, stop)
         loss, names = chosen_channels(cut, loss, channels)
         notes: list[str] = []
-        curves, heard, ready = [], [], []
+        curves, identified, ready = [], [], []
         for number, trace in enumerate(cut, 1):
             found = _modes(trace, names)
             curves.append({} if found is None else _curve(trace, names, found))
-            heard.append(found)
+            identified.append(found)
             if found is None:
                 notes.append(f"no two modes are found in trace {number}: the search begins from random constants")
             try:
@@ -75,9 +75,9 @@ def preview(
             except JshellError as error:
                 notes.append(f"{error.place}: {error.found}. {error.remedy}")
         begin: dict[str, float] = {}
-        if len(ready) == len(cut) and all(one is not None for one in heard):
-            begin = _start(loss, ready, [one for one in heard if one is not None], dict(fix or {}))
-    modes = tuple(None if one is None else (*np.sqrt(one.squared).tolist(), one.tau) for one in heard)
+        if len(ready) == len(cut) and all(one is not None for one in identified):
+            begin = _start(loss, ready, [one for one in identified if one is not None], dict(fix or {}))
+    modes = tuple(None if one is None else (*np.sqrt(one.squared).tolist(), one.tau) for one in identified)
     return Preview(loss, names, tuple(cut), tuple(curves), begin, modes, tuple(dict.fromkeys(notes)))
 
 
@@ -94,11 +94,11 @@ def _curve(trace: Trace, names: Sequence[str], found: ModePair) -> dict[str, np.
     return dict(zip(names, rows, strict=True))
 
 
-def _start(loss: str, ready: list[Record], heard: list[ModePair], fix: dict[str, float]) -> dict[str, float]:
+def _start(loss: str, ready: list[Record], identified: list[ModePair], fix: dict[str, float]) -> dict[str, float]:
     """The first start of the library, by name."""
     known = {name: value for name, value in fix.items() if "[" not in name}
-    first = first_start(loss, ready, heard, known).tolist()
+    first = first_start(loss, ready, identified, known).tolist()
     if loss == "strict":
         return dict(zip(("alpha1", "alpha2", "k_vs", "beta1"), first, strict=True))
     found = {"alpha1": first[0], "alpha2": first[1], "k_vs": float(np.sqrt(max(first[2], 0.0)))}
-    return found | {f"tau[{i}]" if len(heard) > 1 else "tau": one.tau for i, one in enumerate(heard, 1)}
+    return found | {f"tau[{i}]" if len(identified) > 1 else "tau": one.tau for i, one in enumerate(identified, 1)}

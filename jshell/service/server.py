@@ -57,11 +57,11 @@ def serve(settings: Settings, report: Callable[[str], None] | None = None) -> No
             report(f"http://{f'[{host}]' if ':' in host else host}:{port}")
         server = uvicorn.Server(config)
 
-        def told(sig: int, frame: FrameType | None) -> None:
+        def on_signal(sig: int, frame: FrameType | None) -> None:
             worker.stopping.set()  # from now on a process that dies was told to, too
             uvicorn.Server.handle_exit(server, sig, frame)
 
-        server.handle_exit = told
+        server.handle_exit = on_signal
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda *_: None if server.started else os._exit(0))
         server.run(sockets=[listening])  # it drains on a signal and then sends it on: to the line above

@@ -282,11 +282,11 @@ class Store(Uploads):
         """
         asked, found = sa.select(jobs.c.id, jobs.c.attempt, jobs.c.lease).where(jobs.c.state == RUNNING), 0
         with self.database.reading() as connection:
-            beats = [(row.id, row.attempt, row.lease) for row in connection.execute(asked)]
-        for job, attempt, beat in self._silence.of(beats, seconds):
+            leases = [(row.id, row.attempt, row.lease) for row in connection.execute(asked)]
+        for job, attempt, lease in self._silence.of(leases, seconds):
             held = jobs.update().where(jobs.c.id == job, jobs.c.attempt == attempt, jobs.c.state == RUNNING)
             with self.database.writing() as connection:
-                found += self._requeue(connection, held.where(jobs.c.lease == beat), False)
+                found += self._requeue(connection, held.where(jobs.c.lease == lease), False)
         if found:
             self.notifier.notify()
         return found

@@ -190,7 +190,7 @@ class _Slot:
         assert self._engine is not None
         files = self.store.files(job.traces)
         try:
-            given = self._laid_out(files)
+            given = self._written(files)
             ended = self._watch(job, self._engine.submit(tasks.run, job.kind, dict(job.specification), given))
         except (WorkerLost, OSError, RuntimeError, CancelledError) as error:
             self._put_back(job, error)
@@ -208,7 +208,7 @@ class _Slot:
         if not self._insist(lambda: self.store.finish(job.id, self.owner, job.attempt, outcome)):
             log.info("job %s, attempt %d: came too late, and was not recorded", job.id, job.attempt)
 
-    def _laid_out(self, files: Sequence[tuple[str, bytes]]) -> Sequence[tuple[str, bytes | FileRef]]:
+    def _written(self, files: Sequence[tuple[str, bytes]]) -> Sequence[tuple[str, bytes | FileRef]]:
         """The files of a job as its process is given them: large ones by reference."""
         if not isinstance(self._engine, Processes) or sum(len(content) for _, content in files) < LARGE:
             return files

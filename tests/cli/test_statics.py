@@ -132,10 +132,10 @@ def test_a_shell_given_in_si_is_answered_in_its_units(monkeypatch):
 def test_units_of_a_size_are_chosen():
     shell = (jshell.Shell(2e-6, 20e-9, 1e7), jshell.Liquid(1000.0, 1e-3))
     problem = Case(jshell.presets.R.conditions, jshell.shell.scales(*shell), True)
-    assert problem.told(1.0, "angular frequency") == "795.77 kHz"
-    assert problem.told(2.0, "angular frequency").endswith(" MHz")
-    assert problem.told(1.0, "time").endswith(" µs")
-    assert problem.told(None, "time") == problem.told(1.0, None) == "–"
+    assert problem.in_units(1.0, "angular frequency") == "795.77 kHz"
+    assert problem.in_units(2.0, "angular frequency").endswith(" MHz")
+    assert problem.in_units(1.0, "time").endswith(" µs")
+    assert problem.in_units(None, "time") == problem.in_units(1.0, None) == "–"
     bare = Case(jshell.presets.R.conditions, None, True)
-    assert bare.told(1.0, "time") == "–"
+    assert bare.in_units(1.0, "time") == "–"
     assert bare.si({"t": 1.0}, {"t": "time"}) == {}

@@ -1,4 +1,4 @@
-"""Films as jobs, without database and processes: what is measured, and what strangers may send instead."""
+"""Films as jobs, without database and processes: what is measured, and what a hostile client may send instead."""
 
 import io
 import json

@@ -124,9 +124,9 @@ def _batch(here: Here, uploads: list[tuple[str, bytes]], options: str, key: str 
 def _routes(kind: str, out: type[JobOut]) -> None:
     """The routes that every kind of job has: list, look, call off, results."""
     plural, words = KINDS[kind].plural, KINDS[kind].words
-    told: dict[str, Any] = {"responses": problem_responses(404), "tags": [plural]}
+    described: dict[str, Any] = {"responses": problem_responses(404), "tags": [plural]}
 
-    @router.get(f"/{plural}", response_model=JobPage, summary=f"List the {plural}", **told)
+    @router.get(f"/{plural}", response_model=JobPage, summary=f"List the {plural}", **described)
     def index(
         here: Here, limit: Limit = 50, before: Before = None, state: Annotated[State | None, Query()] = None
     ) -> dict[str, Any]:
@@ -139,13 +139,13 @@ def _routes(kind: str, out: type[JobOut]) -> None:
     for suffix in KINDS[kind].files:
         _download(kind, suffix)
 
-    @router.get(f"/{plural}/{{id:key}}", response_model=out, summary=f"Show one {words}", **told)
+    @router.get(f"/{plural}/{{id:key}}", response_model=out, summary=f"Show one {words}", **described)
     def one(here: Here, id: Name) -> dict[str, Any]:
         """State, progress, error, and what came out."""
         job = of_kind(here.store, id, kind)
         return with_result(here.store, job) if "result" in out.model_fields else shown(job)
 
-    @router.delete(f"/{plural}/{{id:key}}", response_model=JobOut, summary=f"Cancel one {words}", **told)
+    @router.delete(f"/{plural}/{{id:key}}", response_model=JobOut, summary=f"Cancel one {words}", **described)
     def cancel(here: Here, id: Name) -> dict[str, Any]:
         """Give it up where it still waits or runs; one that is over stays as it is. Its line in the list stays."""
         of_kind(here.store, id, kind)

@@ -108,23 +108,24 @@ def film(request: Request, here: Here, id: str) -> Response:
     given = common(here, job) | {"asked": job.specification, "again": [("film", job.traces[0]), *_fields(job).items()]}
     if job.state == "done":
         found, trace = jobs.found_by(here.store, job), jobs.trace_of(here.store, job.id)
-        heard = found["signature"]
-        scale = _in_hertz(heard)
+        signature = found["signature"]
+        scale = _in_hertz(signature)
         rows = []
         for words, key, error, unit in MODES:
-            sigma = heard["stderr"].get(error)
-            rows.append((words, heard.get(key), sigma * scale[unit] if sigma is not None and scale else None, unit))
-        given |= {"found": found, "heard": heard, "rows": rows, "plots": series.of_trace(trace, list(trace.channels))}
+            sigma = signature["stderr"].get(error)
+            rows.append((words, signature.get(key), sigma * scale[unit] if sigma is not None and scale else None, unit))
+        given |= {"found": found, "signature": signature, "rows": rows}
+        given["plots"] = series.of_trace(trace, list(trace.channels))
         given["fits"] = "H" in trace.channels or "V" in trace.channels
     return shown(request, "film.html", given)
 
 
-def _in_hertz(heard: Mapping[str, Any]) -> dict[str, float] | None:
+def _in_hertz(signature: Mapping[str, Any]) -> dict[str, float] | None:
     """How many Hz, and how many s, are one unit of the signature's numbers."""
-    if not heard.get("omega_minus") or not heard.get("f_minus_Hz"):
+    if not signature.get("omega_minus") or not signature.get("f_minus_Hz"):
         return None
-    unit = heard["f_minus_Hz"] / heard["omega_minus"]
-    seconds = heard["tau_s"] / heard["tau"] if heard.get("tau") and heard.get("tau_s") else 1.0
+    unit = signature["f_minus_Hz"] / signature["omega_minus"]
+    seconds = signature["tau_s"] / signature["tau"] if signature.get("tau") and signature.get("tau_s") else 1.0
     return {"Hz": unit, "s": seconds}
 
 

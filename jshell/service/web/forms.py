@@ -229,8 +229,8 @@ def again(job: JobRow) -> list[tuple[str, str]]:
     if asked.get("drop"):
         pairs.append(("drop", ", ".join(f"{first:.10g}:{last:.10g}" for first, last in asked["drop"])))
     if asked.get("priors"):
-        told = [f"{name}={one['mean']:.10g}:{one['sigma']:.10g}" for name, one in asked["priors"].items()]
-        pairs.append(("priors", ", ".join(told)))
+        priors = [f"{name}={one['mean']:.10g}:{one['sigma']:.10g}" for name, one in asked["priors"].items()]
+        pairs.append(("priors", ", ".join(priors)))
     for name, value in (asked.get("fix") or {}).items():
         pairs += [(f"role.{name}", "fixed"), (f"value.{name}", f"{value:.10g}")]
     for name, text in (asked.get("tie") or {}).items():

@@ -170,18 +170,18 @@ def drawn(here: Here, id: str) -> Response:
 def _plots(here: Service, job: JobRow) -> list[Plot]:
     """Every recording and channel with the simulator's curve; none where the search ended nowhere."""
     try:
-        told = json.loads(here.store.result(job.id, "curves.json"))
+        curves = json.loads(here.store.result(job.id, "curves.json"))
     except NotFound:
         return []
     plots = []
-    for one in told:
+    for one in curves:
         times = np.asarray(one["t"], dtype=float)
         second, clock = shown_in("t", times, one["si"])
         for channel, both in one["channels"].items():
             row = QUANTITIES[channel]
             factor, unit = shown_in(channel, np.asarray(both["data"], dtype=float), one["si"])
             columns = (factor * np.asarray(both[name], dtype=float) for name in ("data", "curve"))
-            of = f"{one['name']}: " if len(told) > 1 else ""
+            of = f"{one['name']}: " if len(curves) > 1 else ""
             labels = f"t [{clock}]" if one["si"] else "t", f"{row.symbol} [{unit}]"
             plots.append(compared("simulator", of, labels, channel, thinned(second * times, *columns)))
     return plots

@@ -83,7 +83,7 @@ def axis(trace: Trace, name: str) -> AxisUnit:
 
 
 def of_preview(found: Preview, whole: Sequence[Trace], names: Sequence[str]) -> list[Plot]:
-    """Every recording as it is, with the modes heard drawn over the part that is fitted."""
+    """Every recording as it is, with the identified modes drawn over the part that is fitted."""
     plots = []
     for number, (trace, cut, curves) in enumerate(zip(whole, found.traces, found.curves, strict=True)):
         times = np.asarray(trace.times, dtype=float)

@@ -54,7 +54,7 @@
       started = performance.now();
       requestAnimationFrame(frame);
     }
-    function say() {
+    function report() {
       const load = found.short.load;
       const where = load ? ` P̂ₑₓₜ is ${number(asked().get("Pext_hat") / load, 3)} of the load at which the short model's sphere buckles.` : "";
       words.textContent = found.outcome === "ok"
@@ -99,7 +99,7 @@
       if (got) {
         found = got;
         card.dataset.drawn = query.toString();
-        say();
+        report();
         if (!playing) paint(0);
       }
       if (again) { again = false; ask(); }
@@ -107,7 +107,7 @@
       else quiet = setTimeout(async () => {
         const full = await get("exact", query).catch(() => undefined);
         if (query.toString() !== asked().toString()) return;
-        if (full) { exact = full; say(); }
+        if (full) { exact = full; report(); }
         else if (full === undefined) quiet = setTimeout(ask, LATER);
       }, 500);
     }
