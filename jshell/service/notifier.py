@@ -1,4 +1,7 @@
-"""What wakes those who wait for something to do."""
+"""What wakes those who wait for something to do.
+
+Without it a worker that has found no work would see a new job half a second later, when it looks again.
+"""
 
 import threading
 
