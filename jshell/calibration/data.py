@@ -1,6 +1,7 @@
 """Traces as a fit takes them in: window, channels, σ and weights, and what is refused of them."""
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -150,12 +151,13 @@ def filled(times: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def usual_channels(
-    traces: Sequence[Trace], loss: str | None = None, channels: Sequence[str] | None = None
+    traces: Sequence[Any], loss: str | None = None, channels: Sequence[str] | None = None
 ) -> tuple[str, tuple[str, ...]]:
     """The loss and the channels that a fit takes where it is not told: the one rule for library, terminal and service.
 
     Without channels: V and S for the strict loss; else those of V, S, H and W that the traces share, or all that they
-    share. Without a loss: strict where every trace is V and S and nothing else, modal otherwise.
+    share. Without a loss: strict where every trace is V and S and nothing else, modal otherwise. Recordings of a batch
+    may stand for traces: only the names of the channels are read.
 
     A trace of V, S, H and W is therefore fitted by the modal loss, over all four. Such records are of whole shapes,
     a simulator's or a camera's; their V and S follow the two-coordinate oscillator badly (of simulated snaps the
@@ -176,7 +178,7 @@ def usual_channels(
 
 
 def chosen_channels(
-    traces: list[Trace], loss: str | None, channels: Sequence[str] | None, *, moving: bool = True
+    traces: Sequence[Any], loss: str | None, channels: Sequence[str] | None, *, moving: bool = True
 ) -> tuple[str, tuple[str, ...]]:
     """The loss and the channels it reads, by `usual_channels`, once they are found to be there and, `moving`, to move.
 

@@ -8,7 +8,7 @@ Symbols    V volume [R0³]   S area [R0²]   times [sqrt(ρ_f R0³/(E d))]
 
 import warnings
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -124,13 +124,13 @@ def records_of(
         BadName: A channel that is missing, or that the strict loss does not know.
         BadValue: No record, or something that is none.
     """
-    given: Any = [traces] if isinstance(traces, Recordings) else traces_of(traces)  # of both the channels are read
+    traces = traces if isinstance(traces, Recordings) else traces_of(traces)
+    given = [traces] if isinstance(traces, Recordings) else traces
     if loss is None and not channels and all({"V", "S"} <= set(one.channels) for one in given):
-        loss = (
-            "strict"  # a batch takes it beside H and W, too, where a single fit would read all four by the modal loss
-        )
+        # a batch is strict beside H and W too, where a single fit reads all four by the modal loss
+        loss = "strict"
     loss, names = chosen_channels(given, loss, channels, moving=False)
-    return loss, traces.of(names) if isinstance(traces, Recordings) else stacked(given, names, loss)
+    return loss, traces.of(names) if isinstance(traces, Recordings) else stacked(traces, names, loss)
 
 
 def stacked(traces: Sequence[Trace], names: tuple[str, ...] = ("V", "S"), loss: str = "strict") -> Recordings:
