@@ -1,4 +1,4 @@
-"""How often 95% intervals hold the truth: white noise, and noise that remembers.
+"""How often 95% intervals hold the truth: white noise, and autocorrelated noise.
 
 One shell, `random_shell(0)`; 2 000 records (seeds 0 to 1999) of V and S, 400 samples, noise 1 % of each
 channel's scatter. The fits start at the truth, all at once; each is then judged as `fit_trajectories` judges its
@@ -19,10 +19,10 @@ import numpy as np
 
 import jshell as js
 from jshell.calibration.diagnostics import trace_result
-from jshell.calibration.joint import join
 from jshell.calibration.least_squares import SolverResult, levenberg_marquardt
-from jshell.calibration.losses import Problem, projected
+from jshell.calibration.losses import TraceModel, projected
 from jshell.calibration.parameters import Unknowns, unknowns
+from jshell.calibration.problem import join
 from jshell.calibration.records import record
 
 NAMES = ("alpha1", "alpha2", "k_vs", "beta1")
@@ -73,19 +73,19 @@ def coverage(
     clean = js.Trace(stamp, clean.channels, clean.conditions)
     c = SHELL.coefficients
     true = np.array([float(x) for x in (c.alpha1, c.alpha2, c.k_vs, c.beta1)])
-    space = unknowns(NAMES, frozenset({"alpha1", "alpha2", "beta1"}))
-    start = jnp.asarray(space.seen(true[None])[0])
+    parameters = unknowns(NAMES, frozenset({"alpha1", "alpha2", "beta1"}))
+    start = jnp.asarray(parameters.seen(true[None])[0])
     held, lost, reduced = np.zeros(4), 0, 0.0
     for at in range(0, replicates, BLOCK):
         traces = [noisy(clean, memory, seed) for seed in range(at, at + BLOCK)]
-        problems = [Problem((record(trace, ("V", "S"), SHELL.state),), "strict") for trace in traces]
-        many = jax.tree.map(lambda *rows: jnp.stack(rows), *problems)
-        endings = fits(space, many, start)
-        for k, (trace, problem) in enumerate(zip(traces, problems, strict=True)):
+        models = [TraceModel((record(trace, ("V", "S"), SHELL.state),), "strict") for trace in traces]
+        many = jax.tree.map(lambda *rows: jnp.stack(rows), *models)
+        endings = fits(parameters, many, start)
+        for k, (trace, model) in enumerate(zip(traces, models, strict=True)):
             if at + k >= replicates:
                 break
             one = jax.tree.map(operator.itemgetter(slice(k, k + 1)), endings)
-            found = trace_result(join(problem), space, one, true[None], [trace], noise=noise)
+            found = trace_result(join(model), parameters, one, true[None], [trace], noise=noise)
             reduced += found.reduced_chi_square
             lost += found.outcome != js.Outcome.OK
             limits = np.array([found.interval(name) for name in NAMES])
@@ -108,13 +108,13 @@ def batch_coverage(memory: float, replicates: int, noise: str = "auto") -> tuple
 
 
 @eqx.filter_jit
-def fits(space: Unknowns, problems: Problem, start: jax.Array) -> SolverResult:
+def fits(parameters: Unknowns, models: TraceModel, start: jax.Array) -> SolverResult:
     """One fit for each problem, from one start."""
     free = jnp.full(start.shape, jnp.inf)
-    one = lambda problem: levenberg_marquardt(  # noqa: E731
-        lambda u: projected(space.natural(u), problem), start, -free, free
+    one = lambda model: levenberg_marquardt(  # noqa: E731
+        lambda u: projected(parameters.natural(u), model), start, -free, free
     )
-    return eqx.filter_vmap(one)(problems)
+    return eqx.filter_vmap(one)(models)
 
 
 def main() -> None:

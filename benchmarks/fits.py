@@ -193,7 +193,7 @@ def exact() -> None:
     table("V and S, 400 samples, 1% noise, exact model", rows)
 
 
-def remembering(rival: Rival) -> np.ndarray:
+def autocorrelated_one(rival: Rival) -> np.ndarray:
     """As a careful user of SciPy: fitted as white, φ of each channel read off what is left, fitted again whitened."""
     white = least_squares(rival.exact, rival.start, method="lm").x
     left = rival.exact(white).reshape(2, -1)
@@ -212,7 +212,7 @@ def autocorrelated() -> None:
         records, truth = recordings(2_000, 0.01, memory)
         spent, found = best(lambda records=records: fit_batch(records))
         rows = [("fit_batch, start and φ included", 2_000, spent / 2_000, right_share(found, truth))]
-        each, _ = against(records, found, 60, remembering)
+        each, _ = against(records, found, 60, autocorrelated_one)
         rows.append(("SciPy least_squares twice, exact motion, φ by lag-1", 60, each, "–"))
         lm = lambda rival: least_squares(rival.exact, rival.start, method="lm").x[:4]  # noqa: E731
         each, _ = against(records, found, 60, lm)
@@ -263,9 +263,9 @@ def pairs() -> None:
     waves = amplitude[:, :, None] * np.cos(Omega[:, :, None] * t + phase[:, :, None])
     values = 3 + np.exp(-t / tau[:, None]) * waves.sum(axis=1)
     values += 0.01 * values.std(axis=1, keepdims=True) * random.standard_normal(values.shape)
-    spent, heard = best(lambda: extract_batch(0.1, values))
+    spent, extracted = best(lambda: extract_batch(0.1, values))
     true = np.column_stack([np.hypot(Omega, 1 / tau[:, None]), tau])
-    close = np.abs(np.column_stack([heard.omega, heard.tau]) - true) < 5 * heard.stderr
+    close = np.abs(np.column_stack([extracted.omega, extracted.tau]) - true) < 5 * extracted.stderr
     rows = [("extract_batch, pencil included", count, spent / count, f"{100 * np.mean(close.all(axis=1)):.2f}%")]
 
     def model(t, offset, W1, W2, rate, c1, s1, c2, s2):
@@ -283,8 +283,8 @@ def pairs() -> None:
         began = time.process_time()
         ends = np.array([fit(values[row], begun[row]) for row in range(number)])
         each = (time.process_time() - began) / number
-        ours = np.sqrt(heard.omega[:number] ** 2 - 1 / heard.tau[:number, None] ** 2)
-        same = np.all(np.abs(np.sort(ends[:, 1:3], axis=1) - ours) < 0.01 * heard.stderr[:number, :2], axis=1)
+        ours = np.sqrt(extracted.omega[:number] ** 2 - 1 / extracted.tau[:number, None] ** 2)
+        same = np.all(np.abs(np.sort(ends[:, 1:3], axis=1) - ours) < 0.01 * extracted.stderr[:number, :2], axis=1)
         rows.append((tool, number, each, f"{100 * np.mean(same):.0f}% as ours"))
 
     rival("curve_fit, start given", 200, lambda y, p: curve_fit(model, t, y, p)[0])

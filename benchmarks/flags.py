@@ -50,8 +50,8 @@ def one_mode(which: int) -> Callable[[int], FitResult]:
         shell = random_shell(seed)
         A = np.asarray(state_matrix(matrices(shell.coefficients, shell.state, shell.conditions)))
         values, vectors = np.linalg.eig(A)
-        turning = np.flatnonzero(np.imag(values) > 0)
-        mode = vectors[:, turning[np.argsort(np.abs(values[turning]))][which]]
+        oscillating = np.flatnonzero(np.imag(values) > 0)
+        mode = vectors[:, oscillating[np.argsort(np.abs(values[oscillating]))][which]]
         start = 0.05 * np.real(mode / mode[0])
         clean = simulate(shell.conditions, shell.coefficients, initial=start, times=TIMES, equilibrium=shell.state)
         return fit_trajectories(add_noise(clean, 0.01, seed))

@@ -100,8 +100,10 @@ def main() -> None:
         told[kind, word.split(":")[0]] += 1
         if ":" in word:
             beats = (truth[1] - truth[0]) * t[-1] / (2 * np.pi)
-            heard = f"{found.verdict} {found.omega_minus} {found.omega_plus} {found.tau} {found.stderr}"
-            print(f"seed {seed} ({kind}, {beats:.2f} beats), truth {np.round(truth, 5)}: {word}; {heard}", flush=True)
+            extracted = f"{found.verdict} {found.omega_minus} {found.omega_plus} {found.tau} {found.stderr}"
+            print(
+                f"seed {seed} ({kind}, {beats:.2f} beats), truth {np.round(truth, 5)}: {word}; {extracted}", flush=True
+            )
     print("| records | right | flagged | hidden | silent |\n|---|---|---|---|---|")
     for kind in KINDS:
         print(

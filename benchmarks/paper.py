@@ -43,35 +43,35 @@ def middle(values: np.ndarray) -> str:
 
 def over_the_curve(runs: ShellRuns) -> None:
     """Every run against eq:defw with the source's constants: medians by selection and by family."""
-    rows_of = (runs.heard, runs.identified, runs.layered[:, :2])
-    heard, same, modal = (deviations(runs, SOURCE, omega) for omega in rows_of)
+    rows_of = (runs.extracted, runs.identified, runs.layered[:, :2])
+    extracted, same, modal = (deviations(runs, SOURCE, omega) for omega in rows_of)
     plain = deviations(runs, SOURCE, runs.undamped[:, :2])
     free = runs.free_and_thin
     usual = free & (runs.filled >= 0.36) & (runs.filled <= 1.8)
     rows = [("free, η̂ ≤ 0.013", free), ("the same, P̂₀ 0.36–1.8", usual)]
     names = dict.fromkeys(name for own in runs.families for name in own)
     rows += [(f"family {name}", runs.within(name)) for name in names]
-    columns = ("heard: number", "ω₋: median, median size [%]", "ω₊", "identified: number", "ω₋", "ω₊")
+    columns = ("extracted: number", "ω₋: median, median size [%]", "ω₊", "identified: number", "ω₋", "ω₊")
     head("runs", *columns, "modes: number", "ω₋", "ω₊", "undamped ω₋", "ω₊")
     for words, chosen in rows:
         if not np.isfinite(modal[chosen]).any():
             continue
         cells = [words]
-        for values in (heard, same, modal):
+        for values in (extracted, same, modal):
             cells.append(str(int(np.isfinite(values[chosen]).all(axis=1).sum())))
             cells += [middle(values[chosen, k]) for k in (0, 1)]
         row(*cells, *(middle(plain[chosen, k]) for k in (0, 1)))
 
 
 def every_run(runs: ShellRuns) -> None:
-    """One line per run that was heard."""
-    said = deviations(runs, SOURCE, runs.heard)
+    """One line per run from which frequencies were extracted."""
+    said = deviations(runs, SOURCE, runs.extracted)
     head("run", "families", "d̂", "P̂₀", "P̂ₑₓₜ", "η̂", "ω₋", "over eq:defw [%]", "ω₊", "over eq:defw [%]")
-    for k in np.flatnonzero(np.isfinite(runs.heard).all(axis=1)):
+    for k in np.flatnonzero(np.isfinite(runs.extracted).all(axis=1)):
         numbers = (runs.thickness, runs.gas_pressure, runs.outer_pressure, runs.viscosity)
         cells = [f"{part[k]:.4g}" for part in numbers]
         for j in (0, 1):
-            cells += [f"{runs.heard[k, j]:.3f}", f"{100 * said[k, j]:+.1f}"]
+            cells += [f"{runs.extracted[k, j]:.3f}", f"{100 * said[k, j]:+.1f}"]
         row(runs.names[k], " ".join(runs.families[k]), *cells)
 
 
@@ -88,7 +88,7 @@ def readings(material: Material) -> None:
 def trajectories(material: Material) -> None:
     """The same constants from the records."""
     runs, results = material.runs, list(material.campaign)
-    snap = runs.free_and_thin & ~runs.small & np.isfinite(runs.heard).all(axis=1)
+    snap = runs.free_and_thin & ~runs.small & np.isfinite(runs.extracted).all(axis=1)
     usual = snap & (runs.filled >= 0.36) & (runs.filled <= 1.8)
     head("records", "number", "channels", "α₁", "α₂", "k_VS", "outcome", "left of the scatter [%]")
     for words, chosen in (("snaps, P̂₀ 0.36–1.8", usual), ("all snaps", snap)):
@@ -112,13 +112,17 @@ def ratios(material: Material) -> None:
             row(f"{kind}, ours", late, *told(trace, extract(trace, RATIOS, start=zero + late)))
 
 
-def told(trace: Trace, heard: Signature) -> list[str]:
-    """Cells of one listening."""
-    pair = [heard.amplitude_ratio[name] or np.nan for name in RATIOS]
-    cells = [f"{heard.omega_minus:.2f}, {heard.omega_plus:.2f}", f"{heard.tau:.1f}", *(f"{x:.2g}" for x in pair)]
-    three = heard.fits[2]
-    cut = trace.between(*heard.window)
-    elapsed = np.asarray(cut.times, dtype=float) - heard.window[0]
+def told(trace: Trace, extracted: Signature) -> list[str]:
+    """Cells of one extraction."""
+    pair = [extracted.amplitude_ratio[name] or np.nan for name in RATIOS]
+    cells = [
+        f"{extracted.omega_minus:.2f}, {extracted.omega_plus:.2f}",
+        f"{extracted.tau:.1f}",
+        *(f"{x:.2g}" for x in pair),
+    ]
+    three = extracted.fits[2]
+    cut = trace.between(*extracted.window)
+    elapsed = np.asarray(cut.times, dtype=float) - extracted.window[0]
     angle, fall = elapsed[:, None] * three.Omega, np.exp(-elapsed / three.tau)[:, None]
     columns = np.concatenate([fall * np.cos(angle), fall * np.sin(angle), np.ones_like(fall)], axis=1)
     cells.append(", ".join(f"{omega:.2f}" for omega in three.omega))
@@ -130,7 +134,7 @@ def told(trace: Trace, heard: Signature) -> list[str]:
 
 
 def spheres(material: Material) -> None:
-    """Heard over eq:wsphere."""
+    """Extracted over eq:wsphere."""
     found = read_spheres(material.table)
     head("spheres", "number", "prefactor: lowest", "mean", "highest")
     kinds = (
@@ -176,10 +180,10 @@ def changes(material: Material) -> None:
         ("ω₊ the mode that moves the volume most", fits["by volume"][plain]),
     ):
         row(words, *(f"× {changed[name].value / start[name].value:.2f}" for name in ("alpha1", "alpha2", "k_vs")))
-    heard = fits["identified range"][plain]
-    head("heard at P̂₀ 0.36 to 1.8", "source", "off by [%]", "in errors of both together")
+    extracted = fits["identified range"][plain]
+    head("extracted at P̂₀ 0.36 to 1.8", "source", "off by [%]", "in errors of both together")
     for name in ("alpha1", "alpha2", "k_vs"):
-        theirs, ours = printed("subsec:agree", name), heard[name]
+        theirs, ours = printed("subsec:agree", name), extracted[name]
         assert theirs.error is not None
         both = np.hypot(ours.stderr, theirs.value * theirs.error / 100)
         off = ours.value - theirs.value
@@ -190,15 +194,15 @@ def changes(material: Material) -> None:
 def details(material: Material) -> None:
     """The single numbers of docs/paper.md: R, thickness, decay times."""
     table, runs = material.table, material.runs
-    head("R", "ω₋, ω₊ heard on V, S, H, W", "modes", "undamped", "S_e/S₀")
+    head("R", "ω₋, ω₊ from V, S, H, W", "modes", "undamped", "S_e/S₀")
     for family in ("R-free", "R-attached"):
         (k,) = np.flatnonzero(runs.within(family))
-        pairs = (runs.heard[k], runs.layered[k, :2], runs.undamped[k, :2])
+        pairs = (runs.extracted[k], runs.layered[k, :2], runs.undamped[k, :2])
         row(family, *(", ".join(f"{value:.3f}" for value in pair) for pair in pairs), f"{table['S_e_over_S0'][k]:.4f}")
-    head("d̂", "ω₋ heard", "mode 1")
+    head("d̂", "ω₋ extracted", "mode 1")
     thick = np.flatnonzero(runs.within("thickness"))
     for k in thick[np.argsort(runs.thickness[thick])]:
-        row(f"{runs.thickness[k]:g}", f"{runs.heard[k, 0]:.3f}", f"{runs.layered[k, 0]:.3f}")
+        row(f"{runs.thickness[k]:g}", f"{runs.extracted[k, 0]:.3f}", f"{runs.layered[k, 0]:.3f}")
     speed, size = runs.pole_speed / runs.viscosity, runs.viscosity * runs.tau
     free, spread = (runs.held == 0) & np.isfinite(size), lambda x: f"{np.min(x):.3g} to {np.max(x):.3g}"
     snaps, water = free & ~runs.small, np.isclose(runs.viscosity, 0.004)
@@ -214,7 +218,7 @@ def details(material: Material) -> None:
 
 
 def losses() -> None:
-    """R's snap with other losses, heard on V, H and W."""
+    """R's snap with other losses, extracted from V, H and W."""
     R = js.presets.R.conditions
     case = js.Reduced(R.thickness, R.gas_pressure, 1.62, R.viscosity)
     settings = (
@@ -227,10 +231,17 @@ def losses() -> None:
     for words, chosen in settings:
         for kind, pad in (("free", 0.0), ("attached", 0.3272)):
             trace = dynamics.simulate(case, elements=24, losses=chosen, attached=pad, duration=100.0 if pad else 70.0)
-            heard = extract(trace, RATIOS)
-            left = ", ".join(f"{100 * part:.0f}" for part in heard.residuals)
-            pair = [f"{heard.amplitude_ratio[name] or np.nan:.2g}" for name in RATIOS]
-            row(words, kind, f"{heard.omega_minus:.2f}, {heard.omega_plus:.2f}", f"{heard.tau:.1f}", left, *pair)
+            extracted = extract(trace, RATIOS)
+            left = ", ".join(f"{100 * part:.0f}" for part in extracted.residuals)
+            pair = [f"{extracted.amplitude_ratio[name] or np.nan:.2g}" for name in RATIOS]
+            row(
+                words,
+                kind,
+                f"{extracted.omega_minus:.2f}, {extracted.omega_plus:.2f}",
+                f"{extracted.tau:.1f}",
+                left,
+                *pair,
+            )
 
 
 def main() -> None:

@@ -110,7 +110,7 @@ def _caches() -> Path:
 
 def processor() -> str:
     """A name for this kind of processor: its features where the system tells them, else the machine's own name."""
-    told = Path("/proc/cpuinfo")
-    lines = told.read_text(encoding="utf-8", errors="replace").splitlines() if told.exists() else []
+    processors = Path("/proc/cpuinfo")
+    lines = processors.read_text(encoding="utf-8", errors="replace").splitlines() if processors.exists() else []
     features = next((line for line in lines if line.lower().startswith(("flags", "features"))), platform.node())
     return f"{platform.machine() or 'any'}-{hashlib.sha256(features.encode()).hexdigest()[:8]}"

@@ -9,73 +9,73 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from jshell.calibration.joint import Joint
 from jshell.calibration.linearization import Linearization, linearized, whitened
 from jshell.calibration.misfit import rows_of
-from jshell.calibration.noise import Noise, examine, remembered, steps_between
+from jshell.calibration.noise import Noise, ar1_memory, examine, steps_between
 from jshell.calibration.parameters import Unknowns
+from jshell.calibration.problem import Problem
 
 MOST_STEPS = 30  # of Gauss and Newton, from the white minimum to that of autocorrelated noise
 
 
-def examined(joint: Joint, found: Linearization) -> list[Noise]:
+def examined(problem: Problem, found: Linearization) -> list[Noise]:
     """What is left of every channel of every trace."""
     noises = []
-    for number, channel, rows in rows_of(joint):
-        one = joint.problem.records[number]
+    for number, channel, rows in rows_of(problem):
+        one = problem.model.records[number]
         name = f"{one.channels[channel]} [{number + 1}]"
         weight, times = np.asarray(one.weight[channel]), np.asarray(one.elapsed)
         noises.append(examine(name, found.residual[rows], found.jacobian[rows], times, weight))
     return noises
 
 
-def with_memory(joint: Joint, noises: Sequence[Noise]) -> Joint:
+def with_memory(problem: Problem, noises: Sequence[Noise]) -> Problem:
     """The problem with the memory of its noise, of every channel of every trace."""
-    rows = rows_of(joint)
+    rows = rows_of(problem)
     memory = []
     for (number, channel, _), noise in zip(rows, noises, strict=True):
-        one = joint.problem.records[number]
+        one = problem.model.records[number]
         steps = steps_between(np.asarray(one.elapsed), np.asarray(one.weight[channel]) > 0)
-        memory.append(remembered(noise.memory, steps) * (np.arange(steps.size) > 0))
+        memory.append(ar1_memory(noise.memory, steps) * (np.arange(steps.size) > 0))
     grouped = [
         np.stack([m for (number, *_), m in zip(rows, memory, strict=True) if number == i])
-        for i in range(len(joint.problem.records))
+        for i in range(len(problem.model.records))
     ]
-    return eqx.tree_at(lambda j: j.memory, joint, tuple(grouped), is_leaf=lambda x: x is None)
+    return eqx.tree_at(lambda j: j.memory, problem, tuple(grouped), is_leaf=lambda x: x is None)
 
 
 def fit_ar1(
-    joint: Joint, found: Linearization, noises: list[Noise], space: Unknowns, *, free_to_move: bool
-) -> tuple[Joint, Linearization]:
+    problem: Problem, found: Linearization, noises: list[Noise], parameters: Unknowns, *, free_to_move: bool
+) -> tuple[Problem, Linearization]:
     """The problem with the memory of its noise, and its minimum by Gauss and Newton from the white one."""
-    joint = with_memory(joint, noises)
+    problem = with_memory(problem, noises)
     if not free_to_move:
-        return joint, found
+        return problem, found
 
-    free = [space.names.index(name) for name in space.free]
-    now, lowest = found, power(whitened(joint, found)[0])
+    free = [parameters.names.index(name) for name in parameters.free]
+    now, lowest = found, power(whitened(problem, found)[0])
     for _ in range(MOST_STEPS):
-        r, J = whitened(joint, now)
+        r, J = whitened(problem, now)
         if not (np.all(np.isfinite(r)) and np.all(np.isfinite(J))):
-            return joint, found  # it ran away: the white minimum stays, with the errors of autocorrelated noise
+            return problem, found  # it ran away: the white minimum stays, with the errors of autocorrelated noise
         length = np.linalg.norm(J, axis=0)
         length = np.where(length > 0, length, 1.0)
         move = -np.linalg.lstsq(J / length, r, rcond=1e-9)[0] / length
         values = now.values.copy()
         values[free] += move[: len(free)]
-        values = np.asarray(space.complete(jnp.asarray(values)))
-        seen = space.seen(values[None])[0]
-        inside = np.all((seen > space.low) & (seen < space.high))
-        inside &= all(values[i] > 0 for i in free if space.names[i] in space.positive)
+        values = np.asarray(parameters.complete(jnp.asarray(values)))
+        unconstrained = parameters.unconstrained(values[None])[0]
+        inside = np.all((unconstrained > parameters.low) & (unconstrained < parameters.high))
+        inside &= all(values[i] > 0 for i in free if parameters.names[i] in parameters.positive)
         if not (np.all(np.isfinite(values)) and inside):
-            return joint, found
+            return problem, found
         sizes = np.cumsum([c.size for c in now.linear])[:-1]
         linear = [c + m for c, m in zip(now.linear, np.split(move[len(free) :], sizes), strict=True)]
-        now = linearized(values, joint, space, linear)
+        now = linearized(values, problem, parameters, linear)
         if np.linalg.norm(move * length) < 1e-9 * np.sqrt(max(lowest, 1e-300)):
             break
-    better = power(whitened(joint, now)[0]) <= lowest  # False for NaN
-    return joint, now if better else found
+    better = power(whitened(problem, now)[0]) <= lowest  # False for NaN
+    return problem, now if better else found
 
 
 def power(r: np.ndarray) -> float:

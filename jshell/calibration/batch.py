@@ -6,7 +6,7 @@ come to rest then is gathered and goes on together. Records that end badly, or
 leave more than their noise, are tried again from other starts. A record that
 fails changes no other by a bit.
 
-Symbols    α1, α2, k_VS, β1 constants [-]   τ decay time [sqrt(ρ_f R0³/(E d))]   ω-, ω+ pulsations
+Symbols    α1, α2, k_VS, β1 constants [-]   τ decay time [sqrt(ρ_f R0³/(E d))]   ω-, ω+ angular frequencies
 Valid for  small oscillations about a buckled rest state, equal decay of both modes; V and S for the strict loss
 Source     Mokbel et al. 2021: eq:eqmovadimV, eq:eqmovadimS, eq:defw, eq:taureal
 """
@@ -21,7 +21,7 @@ import numpy as np
 from jshell.calibration import batch_diffrax
 from jshell.calibration.agreement import rests_elsewhere
 from jshell.calibration.batch_bounds import NAMES, Box, box_of
-from jshell.calibration.batch_examine import BatchState, nothing_studied, remember, study
+from jshell.calibration.batch_examine import BatchState, fit_autocorrelated, nothing_studied, study
 from jshell.calibration.batch_kernel import BlockInput, LaneResult, nothing_found, solve_blocks
 from jshell.calibration.batch_result import BatchResult, read
 from jshell.calibration.options import choices_of
@@ -113,7 +113,7 @@ def fit_batch(
     run.fit_all()
     study(run, run.usable, white=noise == "white")
     study(run, run.try_again(starts, np.random.default_rng(seed)), white=noise == "white")
-    remember(run)
+    fit_autocorrelated(run)
     with np.errstate(all="ignore"):  # rows that failed hold anything; they are hidden there
         return read(run)
 
@@ -178,7 +178,7 @@ class _Batch(BatchState):
             more = self._round(bucket, chosen[left], found.unknowns[:, left], False)
             steps = found.steps[left]
             for field, whole, part in zip(LaneResult._fields, found, more, strict=True):
-                if field not in ("start", "heard"):
+                if field not in ("start", "identified"):
                     whole[..., left] = part
             found.steps[left] += steps
         return found
@@ -205,7 +205,7 @@ class _Batch(BatchState):
                     whole[block, ..., :length, :] = np.moveaxis(values[lanes[block]], 0, -1)
                 return whole
 
-            raw = BlockInput(
+            inputs = BlockInput(
                 blocks(bucket.even if uneven else bucket.values),
                 bucket.counts[lanes].astype(float),
                 bucket.steps[lanes],
@@ -224,7 +224,7 @@ class _Batch(BatchState):
             first = np.swapaxes(
                 np.resize(starts[:, at : at + mine.size].T, (together * size, 4)).reshape(together, size, 4), 1, 2
             )
-            found = self.solve(raw, first, *self.box.lanes(size), cell, np.asarray(used))
+            found = self.solve(inputs, first, *self.box.lanes(size), cell, np.asarray(used))
             flat = lambda x, n=mine.size: np.moveaxis(np.asarray(x), 0, -2).reshape(*x.shape[1:-1], -1)[..., :n]  # noqa: E731
             parts.append(LaneResult(*(flat(part) for part in found)))
             if tell and self.progress is not None:

@@ -19,8 +19,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jshell.calibration.batch_kernel import BlockInput, LaneResult, PreparedBlock, found_of, prepare
-from jshell.calibration.batch_shape import UNKNOWNS, Block, pulsations, shape, uncoupled
-from jshell.signals.lane_search import Look, begin, descend
+from jshell.calibration.batch_shape import UNKNOWNS, Block, angular_frequencies, shape, uncoupled
+from jshell.signals.lane_search import Evaluation, begin, descend
 from jshell.signals.lanes import backward, cholesky, forward, lanewise, listed, total
 
 LARGEST_TURN = 0.6  # rad a step: Dopri8 then errs by 1e-10 over a record
@@ -35,8 +35,8 @@ def motion(unknowns: Float[Array, "unknowns block"], data: Block, substeps: int)
 
     def field(t, y, args):
         gas, wall, coupling, m1, m2, rate, step = args
-        pull = jnp.stack([(gas * y[0] + coupling * y[1]) / m1, (coupling * y[0] + wall * y[1]) / m2])
-        return step * jnp.concatenate([y[2:], -pull - 2 * rate * y[2:]])
+        pullback = jnp.stack([(gas * y[0] + coupling * y[1]) / m1, (coupling * y[0] + wall * y[1]) / m2])
+        return step * jnp.concatenate([y[2:], -pullback - 2 * rate * y[2:]])
 
     times = data.values.shape[1]
     # not by `integrator`: its samples come from the dense output, which rounds otherwise than the ends of the steps
@@ -59,11 +59,11 @@ def motion(unknowns: Float[Array, "unknowns block"], data: Block, substeps: int)
     return jnp.asarray(solution.ys)[::substeps, :2]
 
 
-def look(unknowns: Float[Array, "unknowns block"], data: Block, substeps: int) -> Look:
-    """As `batch_kernel.look`, from integrated motions; `linear` is the initial state."""
-    push = lambda along: jax.jvp(lambda u: motion(u, data, substeps), (unknowns,), (along,))  # noqa: E731
+def evaluate(unknowns: Float[Array, "unknowns block"], data: Block, substeps: int) -> Evaluation:
+    """As `batch_kernel.evaluate`, from integrated motions; `linear` is the initial state."""
+    pushforward = lambda along: jax.jvp(lambda u: motion(u, data, substeps), (unknowns,), (along,))  # noqa: E731
     along = jnp.broadcast_to(jnp.eye(UNKNOWNS)[:, :, None], (UNKNOWNS, UNKNOWNS, unknowns.shape[1]))
-    F, dF = jax.vmap(push, out_axes=(None, 0))(along)
+    F, dF = jax.vmap(pushforward, out_axes=(None, 0))(along)
     inside = (jnp.arange(F.shape[0])[:, None] < data.count)[:, None, None]
     sums = jnp.sum(jnp.where(inside, F, 0.0), axis=0)
 
@@ -75,46 +75,46 @@ def look(unknowns: Float[Array, "unknowns block"], data: Block, substeps: int) -
     F, dF = centre(F) * root[:, None], centre(dF) * root[:, None]
     y = jnp.swapaxes(data.values, 0, 1) * root
 
-    go = data.count[0] >= 0
+    always_true = data.count[0] >= 0
     N = jnp.einsum("tcib,tcjb->ijb", F, F)
-    L = cholesky(listed(N), go)
-    half = forward(L, list(jnp.einsum("tcib,tcb->ib", F, y)), go)
-    C = jnp.stack(backward(L, half, go))
+    L = cholesky(listed(N), always_true)
+    half = forward(L, list(jnp.einsum("tcib,tcb->ib", F, y)), always_true)
+    C = jnp.stack(backward(L, half, always_true))
     T = jnp.einsum("utcib,ib->utcb", dF, C)
     mixed = jnp.einsum("utcb,tcib->uib", T, F)
-    U = jnp.stack(forward(L, [mixed[:, i] for i in range(4)], go))
+    U = jnp.stack(forward(L, [mixed[:, i] for i in range(4)], always_true))
     gradient = jnp.einsum("utcb,tcb->ub", T, y) - jnp.einsum("uib,ib->ub", mixed, C)
     normal = jnp.einsum("utcb,vtcb->uvb", T, T) - jnp.einsum("iub,ivb->uvb", U, U)
     cost = data.power - total(h * h for h in half)
     cost = jnp.where(shape(unknowns, data).sound & jnp.isfinite(cost), cost, jnp.inf)
     swing = jnp.einsum("cib,ib->cb", sums, C)
-    return Look(cost, gradient, normal, C, jnp.concatenate([swing, jnp.zeros((6, swing.shape[1]))]))
+    return Evaluation(cost, gradient, normal, C, jnp.concatenate([swing, jnp.zeros((6, swing.shape[1]))]))
 
 
 @eqx.filter_jit
 @lanewise
-def _descended(ready: PreparedBlock, start: jax.Array, low: jax.Array, high: jax.Array, substeps: int) -> LaneResult:
-    first = jnp.clip(jnp.where(jnp.isnan(start), ready.start, start), low, high)
-    at = lambda u, data: look(u, data, substeps)  # noqa: E731
-    search = descend(begin(first, ready.data, at), ready.data, low, high, at)
-    modes, data = shape(search.unknowns, ready.data), ready.data
-    state = jnp.concatenate([search.look.linear, data.mean - search.look.sums[:2] / data.count])
-    return found_of(search, ready, first, state, *pulsations(modes))
+def _descended(prepared: PreparedBlock, start: jax.Array, low: jax.Array, high: jax.Array, substeps: int) -> LaneResult:
+    first = jnp.clip(jnp.where(jnp.isnan(start), prepared.start, start), low, high)
+    at = lambda u, data: evaluate(u, data, substeps)  # noqa: E731
+    search = descend(begin(first, prepared.data, at), prepared.data, low, high, at)
+    modes, data = shape(search.unknowns, prepared.data), prepared.data
+    state = jnp.concatenate([search.evaluation.linear, data.mean - search.evaluation.sums[:2] / data.count])
+    return found_of(search, prepared, first, state, *angular_frequencies(modes))
 
 
 def solve(
-    raw: BlockInput, start: np.ndarray, low: np.ndarray, high: np.ndarray, cell: int, used: np.ndarray
+    inputs: BlockInput, start: np.ndarray, low: np.ndarray, high: np.ndarray, cell: int, used: np.ndarray
 ) -> LaneResult:
     """Fit block after block; arguments of `batch_kernel.solve_blocks`."""
     parts = []
     for number in range(int(used)):
-        ready = _prepare(jax.tree.map(lambda x, number=number: jnp.asarray(x[number]), raw), low, high, cell)
-        first = np.where(np.isnan(start[number]), np.asarray(ready.start), start[number])
-        modes = _shape(jnp.asarray(first), ready.data)
-        turns = np.asarray(modes.damped[1] * ready.data.step)[np.asarray(modes.sound)]
+        prepared = _prepare(jax.tree.map(lambda x, number=number: jnp.asarray(x[number]), inputs), low, high, cell)
+        first = np.where(np.isnan(start[number]), np.asarray(prepared.start), start[number])
+        modes = _shape(jnp.asarray(first), prepared.data)
+        turns = np.asarray(modes.damped[1] * prepared.data.step)[np.asarray(modes.sound)]
         substeps = 1
         while substeps < 16 and turns.size and turns.max() > LARGEST_TURN * substeps:
             substeps *= 2
         box = jnp.asarray(start[number]), jnp.asarray(low), jnp.asarray(high)
-        parts.append(_descended(ready, *box, substeps))
+        parts.append(_descended(prepared, *box, substeps))
     return LaneResult(*(np.stack([np.asarray(p) for p in part]) for part in zip(*parts, strict=True)))

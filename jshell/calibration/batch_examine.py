@@ -17,12 +17,12 @@ from jshell.calibration.misfit import is_explained
 from jshell.calibration.noise import (
     COHERENT,
     MISFIT,
+    ar1_memory,
     envelope_chance,
     estimate_memory,
     is_coherent,
     is_correlated,
     peak_chance,
-    remembered,
     runs_from,
     steps_between,
 )
@@ -40,7 +40,7 @@ class Studied(NamedTuple):
 
     Attributes:
         memory: (rows, channels) φ; 0 where the residual passes as white.
-        whitened: (rows,) sum of squares of the whitened residual where the noise remembers, else NaN.
+        whitened: (rows,) sum of squares of the whitened residual where the noise is autocorrelated, else NaN.
         misfit: (rows,) whether the model leaves clearly more than noise explains.
     """
 
@@ -133,8 +133,8 @@ def _study(run: BatchState, bucket: Bucket, chosen: np.ndarray, *, white: bool) 
     run.studied.misfit[rows] = misfit.any(axis=1)
 
 
-def remember(run: BatchState) -> None:
-    """Fit those records again whose noise remembers.
+def fit_autocorrelated(run: BatchState) -> None:
+    """Fit those records again whose noise is autocorrelated.
 
     Args:
         run: The batch; its `found` and `studied` are changed.
@@ -273,7 +273,7 @@ def _over_steps(bucket: Bucket, chosen: np.ndarray, memory: np.ndarray) -> np.nd
         count = int(bucket.counts[j])
         steps = steps_between(bucket.elapsed[j, :count])
         for c in np.flatnonzero(memory[k]):
-            over[k, c, 1:count] = remembered(memory[k, c], steps)[1:]
+            over[k, c, 1:count] = ar1_memory(memory[k, c], steps)[1:]
     return over
 
 
@@ -285,9 +285,9 @@ def _coherent(bucket: Bucket, chosen: np.ndarray, left: Leftover, memory: np.nda
     def fresh(some: np.ndarray, count: int) -> np.ndarray:
         return _whitened(bucket, chosen[some], left.records(some)[..., :count], memory[some])
 
-    remembers = np.flatnonzero(memory.any(axis=1))
-    for count, mine in _alike(counts[remembers]):
-        some = remembers[mine]
+    ar1_rows = np.flatnonzero(memory.any(axis=1))
+    for count, mine in _alike(counts[ar1_rows]):
+        some = ar1_rows[mine]
         noise = fresh(some, count)
         root = np.sqrt(np.abs(noise))
         early[some], whole[some] = root[..., : count // 2].sum(axis=-1), root.sum(axis=-1)

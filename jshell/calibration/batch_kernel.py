@@ -27,23 +27,23 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jshell.calibration import batch_modal
-from jshell.calibration.batch_shape import UNKNOWNS, Block, Shape, first_motion, pulsations, shape, uncoupled
+from jshell.calibration.batch_shape import UNKNOWNS, Block, Shape, angular_frequencies, first_motion, shape, uncoupled
 from jshell.calibration.data import SMALLEST_NOISE
 from jshell.shell.elasticity import SPHERE_VOLUME
-from jshell.signals.lane_search import LMState, Look, begin, descend
-from jshell.signals.lanes import backward, centred, cholesky, forward, lanewise, listed, spreads, stage, total
+from jshell.signals.lane_search import Evaluation, LMState, begin, descend
+from jshell.signals.lanes import backward, barrier, centred, cholesky, forward, lanewise, listed, spreads, total
 from jshell.signals.pencil_batch import poles
 from jshell.signals.wave_sums import data_sums, gram, uneven_sums
 
 
-def look(unknowns: Float[Array, "unknowns block"], data: Block) -> Look:
+def evaluate(unknowns: Float[Array, "unknowns block"], data: Block) -> Evaluation:
     """Cost, gradient and normal matrix with the best linear parameters.
 
     Args:
         unknowns: Where.
         data: The traces.
     """
-    go = data.count[0] >= 0
+    always_true = data.count[0] >= 0
 
     def rates(unknowns):
         modes = shape(unknowns, data)
@@ -53,19 +53,21 @@ def look(unknowns: Float[Array, "unknowns block"], data: Block) -> Look:
         size = jnp.exp(-decay)
         return size * jnp.cos(turn), size * jnp.sin(turn)
 
-    modes, decay, turn = stage(rates, go, unknowns)
+    modes, decay, turn = barrier(rates, always_true, unknowns)
     # closed geometric sums of the waves: an even record is read once, for its own sums with them
     if data.elapsed is None:
-        real, imag = stage(roots, go, decay, turn)
-        d = data_sums(data.values, real, imag, go)
-        G, sums = gram(decay, turn, data.count, go)
+        real, imag = barrier(roots, always_true, decay, turn)
+        d = data_sums(data.values, real, imag, always_true)
+        G, sums = gram(decay, turn, data.count, always_true)
     else:
-        d, G, sums = uneven_sums(data.values, data.elapsed / data.step, data.inside, decay, turn, data.count, go)
+        d, G, sums = uneven_sums(
+            data.values, data.elapsed / data.step, data.inside, decay, turn, data.count, always_true
+        )
 
     return projected(modes, d, G, data.power, sums, data)
 
 
-def projected(modes: Shape, d: jax.Array, G: jax.Array, power: jax.Array, sums: jax.Array, data: Block) -> Look:
+def projected(modes: Shape, d: jax.Array, G: jax.Array, power: jax.Array, sums: jax.Array, data: Block) -> Evaluation:
     """Cost, gradient and normal matrix from the sums over a record.
 
     Args:
@@ -78,7 +80,7 @@ def projected(modes: Shape, d: jax.Array, G: jax.Array, power: jax.Array, sums: 
     """
     if data.modal:
         return batch_modal.projected(modes, d, G, power, sums, data)
-    go, w = data.count[0] >= 0, data.weight
+    always_true, w = data.count[0] >= 0, data.weight
     each = G if G.ndim == 4 else G[None]
 
     def linear(G, d, shapes):
@@ -88,18 +90,20 @@ def projected(modes: Shape, d: jax.Array, G: jax.Array, power: jax.Array, sums: 
         W = total(squares) * G[:4, :4] if G.ndim == 3 else total(squares[c] * G[c, :4, :4] for c in range(2))
         return P, W, total(w[c] * P[c] * d[c, :4] for c in range(2))
 
-    P, N, right = stage(linear, go, G, d, modes.shapes)
-    L = cholesky(listed(N), go)
+    P, N, right = barrier(linear, always_true, G, d, modes.shapes)
+    L = cholesky(listed(N), always_true)
     # variable projection: what the best amplitudes C explain, half·half, is taken off the power of the data
-    half = forward(L, [right[i] for i in range(4)], go)
-    C = backward(L, half, go)
+    half = forward(L, [right[i] for i in range(4)], always_true)
+    C = backward(L, half, always_true)
     cost = power - total(x * x for x in half)
 
     # Kaufman: of the derivatives at fixed C, what the amplitudes could follow is projected out
-    X = stage(lambda C, modes: tangents([C, C], modes, data.step), go, C, modes)
-    GX = stage(lambda G, X: total(X[:, :, j, None] * G[:, None, j] for j in range(8)), go, each, X)
-    mixed = stage(lambda GX, P: total(w[c] * GX[c, :, :4] * P[c] for c in range(2)), go, GX, P)  # (unknowns, 4, block)
-    U = forward(L, [mixed[:, j] for j in range(4)], go)
+    X = barrier(lambda C, modes: tangents([C, C], modes, data.step), always_true, C, modes)
+    GX = barrier(lambda G, X: total(X[:, :, j, None] * G[:, None, j] for j in range(8)), always_true, each, X)
+    mixed = barrier(
+        lambda GX, P: total(w[c] * GX[c, :, :4] * P[c] for c in range(2)), always_true, GX, P
+    )  # (unknowns, 4, block)
+    U = forward(L, [mixed[:, j] for j in range(4)], always_true)
 
     def products(X, GX, mixed, U, C):
         straight = total(w[c] * X[c, :, None, j] * GX[c, None, :, j] for c in range(2) for j in range(8))
@@ -107,10 +111,10 @@ def projected(modes: Shape, d: jax.Array, G: jax.Array, power: jax.Array, sums: 
         gradient = gradient - total(mixed[:, j] * C[j] for j in range(4))
         return gradient, straight - total(U[j][:, None] * U[j][None, :] for j in range(4)), jnp.stack(C)
 
-    gradient, normal, best = stage(products, go, X, GX, mixed, U, C)
+    gradient, normal, best = barrier(products, always_true, X, GX, mixed, U, C)
     # modes that do not turn, or meet, are no such motion: a step to there is refused
     cost = jnp.where(modes.sound & jnp.isfinite(cost), cost, jnp.inf)
-    return Look(cost, gradient, normal, best, sums)
+    return Evaluation(cost, gradient, normal, best, sums)
 
 
 def tangents(
@@ -178,30 +182,30 @@ class PreparedBlock(NamedTuple):
     Attributes:
         data, start: The block, and its (unknowns, block).
         pressure: P_e.
-        heard: Whether two modes were found.
+        identified: Whether two modes were found.
     """
 
     data: Block
     start: jax.Array
     pressure: jax.Array
-    heard: jax.Array
+    identified: jax.Array
 
 
-def prepare(raw: BlockInput, low: jax.Array, high: jax.Array, cell: int) -> PreparedBlock:
+def prepare(inputs: BlockInput, low: jax.Array, high: jax.Array, cell: int) -> PreparedBlock:
     """Means, weights, rest states and starts.
 
     Args:
-        raw: The traces.
+        inputs: The traces.
         low, high: Bounds of the unknowns; what is fixed has both alike.
         cell: Samples per cell of the matrix pencil.
     """
-    channels = range(raw.values.shape[0])
-    go = raw.count[0] >= 0
-    y, mean = stage(centred, go, raw.values, raw.count)
-    square, noise = stage(spreads, go, y, raw.count)
+    channels = range(inputs.values.shape[0])
+    always_true = inputs.count[0] >= 0
+    y, mean = barrier(centred, always_true, inputs.values, inputs.count)
+    square, noise = barrier(spreads, always_true, y, inputs.count)
     # each channel in units of its scatter, so that the pencil weighs all alike; one that stands still divides by no 0
     scale = jax.lax.rsqrt(jnp.maximum(square, 1e-300))
-    growth, turn = poles(y, raw.count, scale, cell, go)
+    growth, turn = poles(y, inputs.count, scale, cell, always_true)
 
     def common(growth, turn, step, count):
         # one rate for both, that neither grows nor dies within a turn
@@ -209,40 +213,44 @@ def prepare(raw: BlockInput, low: jax.Array, high: jax.Array, cell: int) -> Prep
         size = jnp.exp(-decay)
         return decay, turn, size * jnp.cos(turn), size * jnp.sin(turn)
 
-    decay, turn, real, imag = stage(common, go, growth, turn, raw.step, raw.count)
-    G, sums = gram(decay, turn, raw.count, go)
-    d = data_sums(y, real, imag, go)
-    L = cholesky(listed(G[:4, :4]), go)
-    waves = [jnp.stack(backward(L, forward(L, [d[c, i] for i in range(4)], go), go)) for c in channels]
+    decay, turn, real, imag = barrier(common, always_true, growth, turn, inputs.step, inputs.count)
+    G, sums = gram(decay, turn, inputs.count, always_true)
+    d = data_sums(y, real, imag, always_true)
+    L = cholesky(listed(G[:4, :4]), always_true)
+    waves = [
+        jnp.stack(backward(L, forward(L, [d[c, i] for i in range(4)], always_true), always_true)) for c in channels
+    ]
     # at rest a channel is at its mean less that of the waves
-    offset = mean - jnp.stack([total(waves[c][i] * sums[i] for i in range(4)) for c in channels]) / raw.count
+    offset = mean - jnp.stack([total(waves[c][i] * sums[i] for i in range(4)) for c in channels]) / inputs.count
 
-    volume = jnp.where(jnp.isnan(raw.volume), offset[raw.volume_at], raw.volume)
-    own = raw.gas_pressure * (SPHERE_VOLUME / jnp.maximum(volume, 1e-3)) ** raw.kappa
-    pressure = jnp.where(jnp.isnan(raw.volume), own, raw.pressure)
+    volume = jnp.where(jnp.isnan(inputs.volume), offset[inputs.volume_at], inputs.volume)
+    own = inputs.gas_pressure * (SPHERE_VOLUME / jnp.maximum(volume, 1e-3)) ** inputs.kappa
+    pressure = jnp.where(jnp.isnan(inputs.volume), own, inputs.pressure)
     # of uneven records the start came from even times; what is fitted is the record itself
     inside = None
-    if raw.elapsed is not None:
-        assert raw.noise is not None
-        y, mean = stage(centred, go, raw.uneven, raw.count)
-        square, noise = stage(spreads, go, y, raw.count)[0], raw.noise**2
-        inside = (jnp.arange(y.shape[1])[:, None] < raw.count).astype(float)
+    if inputs.elapsed is not None:
+        assert inputs.noise is not None
+        y, mean = barrier(centred, always_true, inputs.uneven, inputs.count)
+        square, noise = barrier(spreads, always_true, y, inputs.count)[0], inputs.noise**2
+        inside = (jnp.arange(y.shape[1])[:, None] < inputs.count).astype(float)
     # a record without noise would weigh without end: below a thousandth of the scatter all are weighed alike
     floor = SMALLEST_NOISE**2 * square
-    weight = 1 / jnp.where(jnp.isnan(raw.sigma), jnp.maximum(noise, floor), raw.sigma**2)
-    power = total(weight[c] * square[c] * raw.count for c in channels)
-    gas, wall = raw.kappa * pressure / volume, raw.area_modulus / (4 * jnp.pi)
-    data = Block(y, mean, power, raw.count, raw.step, weight, gas, wall, volume, raw.elapsed, inside, raw.modal)
-    if raw.modal:
-        start = stage(lambda turn, decay: batch_modal.start(turn, decay, data, low, high), go, turn, decay)
+    weight = 1 / jnp.where(jnp.isnan(inputs.sigma), jnp.maximum(noise, floor), inputs.sigma**2)
+    power = total(weight[c] * square[c] * inputs.count for c in channels)
+    gas, wall = inputs.kappa * pressure / volume, inputs.area_modulus / (4 * jnp.pi)
+    data = Block(
+        y, mean, power, inputs.count, inputs.step, weight, gas, wall, volume, inputs.elapsed, inside, inputs.modal
+    )
+    if inputs.modal:
+        start = barrier(lambda turn, decay: batch_modal.start(turn, decay, data, low, high), always_true, turn, decay)
     else:
-        start = stage(lambda w, s, r: _constants(w, s, r, data, go), go, waves, decay, turn)
-    heard = (turn[0] > 0) & (turn[1] < 0.9 * jnp.pi) & jnp.all(jnp.isfinite(start), axis=0)
+        start = barrier(lambda w, s, r: _constants(w, s, r, data, always_true), always_true, waves, decay, turn)
+    identified = (turn[0] > 0) & (turn[1] < 0.9 * jnp.pi) & jnp.all(jnp.isfinite(start), axis=0)
     # an unknown whose start is lost begins at α1 = 1, α2 = 1, k_VS = 0 or τ = 1: the search may still find the way
-    return PreparedBlock(data, jnp.where(jnp.isfinite(start), start, 0.0), pressure, heard)
+    return PreparedBlock(data, jnp.where(jnp.isfinite(start), start, 0.0), pressure, identified)
 
 
-def _constants(waves: list[jax.Array], decay: jax.Array, turn: jax.Array, data: Block, go) -> jax.Array:
+def _constants(waves: list[jax.Array], decay: jax.Array, turn: jax.Array, data: Block, always_true) -> jax.Array:
     """The unknowns from the modes by linear least squares, as `starts.strict_start` does."""
     V, S = waves
     rate = decay / data.step
@@ -259,8 +267,8 @@ def _constants(waves: list[jax.Array], decay: jax.Array, turn: jax.Array, data: 
         lines.append((zero, second * m2 * w * S[i], -second * V[i] / data.volume, second * data.wall * S[i]))
     N = [[total(line[i] * line[j] for line in lines) for j in range(3)] for i in range(3)]
     right = [total(line[i] * line[3] for line in lines) for i in range(3)]
-    L = cholesky(N, go)
-    alpha1, alpha2, k = backward(L, forward(L, right, go), go)
+    L = cholesky(N, always_true)
+    alpha1, alpha2, k = backward(L, forward(L, right, always_true), always_true)
     # noise may give a mass below 0, which has no logarithm
     logs = [jnp.log(jnp.clip(x, 0.05, 50.0)) for x in (alpha1, alpha2)]
     return jnp.stack([*logs, k, jnp.log(rate)])
@@ -271,14 +279,14 @@ class LaneResult(NamedTuple):
 
     Attributes:
         unknowns, start: (unknowns, block), at the end and at the beginning.
-        cost, normal: As in `Look`, at the end.
+        cost, normal: As in `Evaluation`, at the end.
         status, steps: As in `LMState`.
         weight: (channels, block).
         state: (6, block) ΔV, ΔS and their rates at the first sample, V and S at rest; of the modal loss (5 channels,
             block) cosine and sine of the slow and of the fast mode of each channel, then all channels at rest.
-        omega, rest: (2, block) undamped pulsations; V_e and P_e of the model.
+        omega, rest: (2, block) undamped angular frequencies; V_e and P_e of the model.
         slope: (unknowns, 2, block) derivatives of `omega`.
-        heard: Whether the start is two modes of the record's.
+        identified: Whether the start is two modes of the record's.
     """
 
     unknowns: Any
@@ -292,42 +300,42 @@ class LaneResult(NamedTuple):
     slope: Any
     rest: Any
     start: Any
-    heard: Any
+    identified: Any
 
 
 def nothing_found(rows: int, channels: int, *, modal: bool) -> LaneResult:
     """Before any record was fitted: zeros of NumPy, `rows` last."""
     u, linear = UNKNOWNS, 5 * channels if modal else 6
     shapes = (u,), (), (u, u), (), (), (channels,), (linear,), (2,), (u, 2), (2,), (u,), ()
-    kinds = {"status": int, "steps": int, "heard": bool}
+    kinds = {"status": int, "steps": int, "identified": bool}
     return LaneResult(
         *(np.zeros((*s, rows), kinds.get(name, float)) for s, name in zip(shapes, LaneResult._fields, strict=True))
     )
 
 
 def solve(
-    raw: BlockInput, start: Float[Array, "unknowns block"], low: jax.Array, high: jax.Array, cell: int
+    inputs: BlockInput, start: Float[Array, "unknowns block"], low: jax.Array, high: jax.Array, cell: int
 ) -> LaneResult:
     """Fit a block.
 
     Args:
-        raw: The traces.
+        inputs: The traces.
         start: Where to begin; NaN takes the start from the data.
         low: Lower bounds of the unknowns, (unknowns, block).
         high: Upper bounds.
         cell: Samples per cell of the matrix pencil.
     """
-    ready = prepare(raw, low, high, cell)
-    first = jnp.clip(jnp.where(jnp.isnan(start), ready.start, start), low, high)
-    search = descend(begin(first, ready.data, look), ready.data, low, high, look)
-    go = raw.count[0] >= 0
+    prepared = prepare(inputs, low, high, cell)
+    first = jnp.clip(jnp.where(jnp.isnan(start), prepared.start, start), low, high)
+    search = descend(begin(first, prepared.data, evaluate), prepared.data, low, high, evaluate)
+    always_true = inputs.count[0] >= 0
 
     def read(search, data):
-        modes, at = shape(search.unknowns, data), search.look
+        modes, at = shape(search.unknowns, data), search.evaluation
         if data.modal:
             swing = [total(at.linear[4 * c + i] * at.sums[i] for i in range(4)) for c in range(len(data.mean))]
             rest = [data.mean[c] - part / data.count for c, part in enumerate(swing)]
-            return jnp.concatenate([at.linear, jnp.stack(rest)]), *pulsations(modes)
+            return jnp.concatenate([at.linear, jnp.stack(rest)]), *angular_frequencies(modes)
         swing = [
             total(
                 modes.shapes[c, m] * (at.linear[2 * m] * at.sums[2 * m] + at.linear[2 * m + 1] * at.sums[2 * m + 1])
@@ -336,31 +344,31 @@ def solve(
             for c in range(2)
         ]
         rest = [data.mean[c] - swing[c] / data.count for c in range(2)]
-        return jnp.stack([*first_motion(modes, at.linear), *rest]), *pulsations(modes)
+        return jnp.stack([*first_motion(modes, at.linear), *rest]), *angular_frequencies(modes)
 
-    state, omega, slope = stage(read, go, search, ready.data)
-    return found_of(search, ready, first, state, omega, slope)
+    state, omega, slope = barrier(read, always_true, search, prepared.data)
+    return found_of(search, prepared, first, state, omega, slope)
 
 
 def found_of(
-    search: LMState, ready: PreparedBlock, first: jax.Array, state: jax.Array, omega: jax.Array, slope: jax.Array
+    search: LMState, prepared: PreparedBlock, first: jax.Array, state: jax.Array, omega: jax.Array, slope: jax.Array
 ) -> LaneResult:
     """A search that has ended, with what was read off it."""
-    at, rest = search.look, jnp.stack([ready.data.volume, ready.pressure])
+    at, rest = search.evaluation, jnp.stack([prepared.data.volume, prepared.pressure])
     return LaneResult(
-        search.unknowns, at.cost, at.normal, search.status, search.steps, ready.data.weight, state, omega, slope, rest,
-        first, ready.heard,
+        search.unknowns, at.cost, at.normal, search.status, search.steps, prepared.data.weight, state, omega, slope,
+        rest, first, prepared.identified,
     )  # fmt: skip
 
 
 @lanewise
 def solve_blocks(
-    raw: BlockInput, start: jax.Array, low: jax.Array, high: jax.Array, cell: int, used: jax.Array
+    inputs: BlockInput, start: jax.Array, low: jax.Array, high: jax.Array, cell: int, used: jax.Array
 ) -> LaneResult:
-    """Fit block after block, a leading axis on `raw` and `start`, the first `used` of them: memory is taken once."""
+    """Fit block after block, a leading axis on `inputs` and `start`, the first `used` of them: memory is taken once."""
     one = lambda given: solve(given[0], given[1], low, high, cell)  # noqa: E731
     nothing = jax.tree.map(
-        lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(one, jax.tree.map(lambda x: x[0], (raw, start)))
+        lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(one, jax.tree.map(lambda x: x[0], (inputs, start)))
     )
 
     def body(given):
@@ -368,4 +376,4 @@ def solve_blocks(
         # the last call is seldom full: blocks beyond `used` are passed over
         return jax.lax.cond(number < used, one, lambda _: nothing, block)
 
-    return jax.lax.map(body, (jnp.arange(start.shape[0]), (raw, start)))
+    return jax.lax.map(body, (jnp.arange(start.shape[0]), (inputs, start)))

@@ -16,19 +16,19 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jshell.calibration.batch_shape import Block, Shape, coupled, uncoupled
-from jshell.signals.lane_search import Look
-from jshell.signals.lanes import stage, total
+from jshell.signals.lane_search import Evaluation
+from jshell.signals.lanes import barrier, total
 from jshell.signals.two_waves import explained
 
 SHARES = np.linspace(0.05, 0.95, 37)  # of the volume's motion in the sum of the squared frequencies
 USUAL = 0.6  # of them, where one record does not tell
 
 
-def projected(modes: Shape, d: jax.Array, G: jax.Array, power: jax.Array, sums: jax.Array, data: Block) -> Look:
+def projected(modes: Shape, d: jax.Array, G: jax.Array, power: jax.Array, sums: jax.Array, data: Block) -> Evaluation:
     """Cost, gradient and normal matrix from the sums over a record; arguments of `batch_kernel.projected`."""
-    go, w = data.count[0] >= 0, data.weight
+    always_true, w = data.count[0] >= 0, data.weight
     turn, decay = modes.damped * data.step, modes.rate * data.step
-    parts = [explained(turn, decay, d[c], G[c] if G.ndim == 4 else G, go) for c in range(len(w))]
+    parts = [explained(turn, decay, d[c], G[c] if G.ndim == 4 else G, always_true) for c in range(len(w))]
 
     def by_constants(parts, modes):
         logs = modes.damped_slope / modes.damped
@@ -40,8 +40,8 @@ def projected(modes: Shape, d: jax.Array, G: jax.Array, power: jax.Array, sums: 
         cost = power - total(w[c] * one.power for c, one in enumerate(parts))
         return cost, gradient, normal, jnp.concatenate([one.amplitudes for one in parts])
 
-    cost, gradient, normal, best = stage(by_constants, go, parts, modes)
-    return Look(jnp.where(modes.sound & jnp.isfinite(cost), cost, jnp.inf), gradient, normal, best, sums)
+    cost, gradient, normal, best = barrier(by_constants, always_true, parts, modes)
+    return Evaluation(jnp.where(modes.sound & jnp.isfinite(cost), cost, jnp.inf), gradient, normal, best, sums)
 
 
 def start(

@@ -22,18 +22,18 @@ from jaxtyping import Array, Float
 
 from jshell.calibration.batch_kernel import projected, tangents
 from jshell.calibration.batch_residual import Given, amplitudes, left_of
-from jshell.calibration.batch_shape import Block, first_motion, pulsations, shape
+from jshell.calibration.batch_shape import Block, angular_frequencies, first_motion, shape
 from jshell.calibration.batch_waves import basis, even_sums, products, uneven_sums, waves_of, whitened
 from jshell.calibration.noise import STRONGEST
-from jshell.signals.lane_search import CONVERGED, Look, begin, descend
-from jshell.signals.lanes import VECTORS, cholesky, lanewise, stage, total
+from jshell.signals.lane_search import CONVERGED, Evaluation, begin, descend
+from jshell.signals.lanes import VECTORS, barrier, cholesky, lanewise, total
 from jshell.signals.wave_sums import data_sums
 
 SHARE = (np.sqrt(5) - 1) / 2  # of an interval, in a search by golden section
 SECTIONS = 22  # of the range of φ: to 3e-5
 
 
-class Remembering(NamedTuple):
+class Ar1Block(NamedTuple):
     """A block whose noise is autocorrelated.
 
     Attributes:
@@ -54,16 +54,16 @@ class Remembering(NamedTuple):
     power: jax.Array
 
 
-def look(unknowns: Float[Array, "unknowns block"], data: Remembering) -> Look:
-    """As `batch_kernel.look`, of autocorrelated noise; the sums are the offsets (channels, block)."""
+def evaluate(unknowns: Float[Array, "unknowns block"], data: Ar1Block) -> Evaluation:
+    """As `batch_kernel.evaluate`, of autocorrelated noise; the sums are the offsets (channels, block)."""
     one, channels = data.block, range(len(data.phi))
-    go = data.count[0] >= 0
-    modes = stage(lambda u: shape(u, one), go, unknowns)
+    always_true = data.count[0] >= 0
+    modes = barrier(lambda u: shape(u, one), always_true, unknowns)
     if data.memory is None:
         waves, real, imag = waves_of(modes, one)
-        d = data_sums(data.whitened, real, imag, go)
+        d = data_sums(data.whitened, real, imag, always_true)
         parts = [
-            stage(lambda w, d, c=c: even_sums(w, data.phi[c], d[c], data.ends[c], data.count), go, waves, d)
+            barrier(lambda w, d, c=c: even_sums(w, data.phi[c], d[c], data.ends[c], data.count), always_true, waves, d)
             for c in channels
         ]
     else:
@@ -111,15 +111,15 @@ def memory_of(unknowns: jax.Array, state: jax.Array, free: jax.Array, r: jax.Arr
         given: The records.
     """
     data = given.block()
-    go = data.count[0] >= 0
-    modes = stage(lambda u: shape(u, data), go, unknowns)
+    always_true = data.count[0] >= 0
+    modes = barrier(lambda u: shape(u, data), always_true, unknowns)
     waves, real, imag = waves_of(modes, data)
     d = data_sums(r, real, imag, data.count[0] >= 0)
     ends = data.count - 1
     size, angle = jnp.exp(-modes.rate * data.step * ends), modes.damped * data.step * ends
     last = jnp.stack([size * wave(angle[m]) for m in range(2) for wave in (jnp.cos, jnp.sin)])
     last = jnp.concatenate([last, ends * last])
-    X = stage(lambda modes: tangents(amplitudes(modes, state, data), modes, data.step), go, modes)
+    X = barrier(lambda modes: tangents(amplitudes(modes, state, data), modes, data.step), always_true, modes)
     P = jnp.repeat(modes.shapes, 2, axis=1)
 
     def of_columns(M, c):
@@ -133,8 +133,8 @@ def memory_of(unknowns: jax.Array, state: jax.Array, free: jax.Array, r: jax.Arr
 
     each, channels = [], len(data.weight)
     for c in range(channels):
-        parts = stage(lambda w, r, d, c=c: products(w, r[c], d[c], data.count, last), go, waves, r, d)
-        each.append([stage(lambda M, c=c: of_columns(M, c), go, M) for M in parts])
+        parts = barrier(lambda w, r, d, c=c: products(w, r[c], d[c], data.count, last), always_true, waves, r, d)
+        each.append([barrier(lambda M, c=c: of_columns(M, c), always_true, M) for M in parts])
     # all channels side by side, as lanes of their own
     start, late, cross, early = (jnp.concatenate(pair, axis=-1) for pair in zip(*each, strict=True))
     count = jnp.concatenate([data.count] * channels)
@@ -217,33 +217,33 @@ def again(
     if over is None:
         later = jnp.arange(block.values.shape[1])[:, None] > 0
         over = jnp.where(later, phi[:, None], 0.0)
-    go = block.count[0] >= 0
-    y = stage(
+    always_true = block.count[0] >= 0
+    y = barrier(
         lambda y, m: jnp.stack([whitened(one, p, block.inside) for one, p in zip(y, m, strict=True)]),
-        go,
+        always_true,
         block.values,
         over,
     )
-    ends = stage(lambda y: jnp.stack([y[:, 0], jnp.sum(y, axis=1), jnp.sum(y * y, axis=1)], axis=1), go, y)
+    ends = barrier(lambda y: jnp.stack([y[:, 0], jnp.sum(y, axis=1), jnp.sum(y * y, axis=1)], axis=1), always_true, y)
     power = total(w * one[2] for w, one in zip(block.weight, ends, strict=True))
-    data = Remembering(block, y, phi, memory, ends, block.count, power)
-    first = begin(start, data, look)
-    moved = descend(first, data, low, high, look)
+    data = Ar1Block(block, y, phi, memory, ends, block.count, power)
+    first = begin(start, data, evaluate)
+    moved = descend(first, data, low, high, evaluate)
     inside = jnp.all(((moved.unknowns > low) & (moved.unknowns < high)) | (low == high), axis=0)
-    good = rested & (moved.status == CONVERGED) & inside & jnp.isfinite(moved.look.cost)
+    good = rested & (moved.status == CONVERGED) & inside & jnp.isfinite(moved.evaluation.cost)
     return _read(jax.tree.map(lambda new, old: jnp.where(good, new, old), moved, first), block)
 
 
 def _read(search: Any, data: Block) -> Again:
     """A search as it stands."""
-    modes, at = shape(search.unknowns, data), search.look
+    modes, at = shape(search.unknowns, data), search.evaluation
     rest = [mean + offset for mean, offset in zip(data.mean, at.sums, strict=True)]
 
     def found(state):
         # the values of a block are less their means
         left = left_of(modes, state[: -len(rest)], at.sums, data, data.inside)
         power = jnp.sum(left * left, axis=(0, 1))
-        return Again(search.unknowns, at.cost, at.normal, state, *pulsations(modes), power)
+        return Again(search.unknowns, at.cost, at.normal, state, *angular_frequencies(modes), power)
 
     if data.modal:
         return found(jnp.concatenate([at.linear, jnp.stack(rest)]))

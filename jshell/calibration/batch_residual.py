@@ -13,7 +13,7 @@ import jax.numpy as jnp
 
 from jshell.calibration.batch_shape import Block, Shape, shape
 from jshell.calibration.batch_waves import basis
-from jshell.signals.lanes import VECTORS, centred, lanewise, stage, total
+from jshell.signals.lanes import VECTORS, barrier, centred, lanewise, total
 from jshell.signals.wave_sums import INNER, powers
 
 
@@ -104,20 +104,20 @@ def residual(unknowns: jax.Array, linear: jax.Array, rest: jax.Array, given: Giv
         given: The records.
     """
     size, count = given.values.shape[1], given.count
-    go = count[0] >= 0
+    always_true = count[0] >= 0
     inside = (jnp.arange(size)[:, None] < count).astype(float)
-    modes = stage(lambda u: shape(u, given), go, unknowns)
-    r = stage(lambda modes, given: left_of(modes, linear, rest, given, inside), go, modes, given)
-    whole = stage(lambda r: jnp.sum(r, axis=1), go, r)
+    modes = barrier(lambda u: shape(u, given), always_true, unknowns)
+    r = barrier(lambda modes, given: left_of(modes, linear, rest, given, inside), always_true, modes, given)
+    whole = barrier(lambda r: jnp.sum(r, axis=1), always_true, r)
     mean = whole / count
 
     def sums(r, mean, inside):
         up = jnp.where(r > mean[:, None], inside, 0.0)
         return jnp.sum(r * r, axis=1), jnp.sum(jnp.abs(r), axis=1), jnp.sum(up, axis=1)
 
-    power, absolute, above = stage(sums, go, r, mean, inside)
-    neighbours, changes = stage(lambda r, mean: _between(r, mean, count), go, r, mean)
-    halves = stage(lambda r: _halves(r, count), go, r)
+    power, absolute, above = barrier(sums, always_true, r, mean, inside)
+    neighbours, changes = barrier(lambda r, mean: _between(r, mean, count), always_true, r, mean)
+    halves = barrier(lambda r: _halves(r, count), always_true, r)
     # of residuals less their mean: what the mean adds is taken off
     ends = r[:, 0] + jnp.sum(jnp.where(jnp.arange(size)[:, None] == count - 1, r, 0.0), axis=1)
     neighbours = neighbours - mean * (2 * whole - ends) + (count - 1) * mean**2
@@ -126,11 +126,11 @@ def residual(unknowns: jax.Array, linear: jax.Array, rest: jax.Array, given: Giv
 
 def left_of(modes: Shape, linear: jax.Array, rest: jax.Array, given: Any, inside: jax.Array) -> jax.Array:
     """(channels, times, block) model less data, weighted, 0 beyond each record."""
-    go, size = given.count[0] >= 0, given.values.shape[1]
+    always_true, size = given.count[0] >= 0, given.values.shape[1]
     C, P = amplitudes(modes, linear, given), jnp.repeat(modes.shapes, 2, axis=1)
     parts = [[P[c, i] * one[i] for i in range(4)] for c, one in enumerate(C)]
     if given.elapsed is None:
-        curve = jnp.stack([_motion(part, modes, given.step, go, size) for part in parts])
+        curve = jnp.stack([_motion(part, modes, given.step, always_true, size) for part in parts])
     else:
         b = basis(modes, given, inside)
         curve = jnp.stack([total(part[i] * b[i] for i in range(4)) for part in parts])
@@ -151,12 +151,14 @@ def _halves(r: jax.Array, count: jax.Array) -> jax.Array:
     return jnp.stack([jnp.sum(jnp.where(early, root, 0.0), axis=1), jnp.sum(root, axis=1)])
 
 
-def _motion(C: list[jax.Array], modes: Shape, step: jax.Array, go: jax.Array, size: int) -> jax.Array:
+def _motion(C: list[jax.Array], modes: Shape, step: jax.Array, always_true: jax.Array, size: int) -> jax.Array:
     """(times, block) of one channel at even samples: every sixteenth by doubling, those between from it in one pass."""
     decay, turn = modes.rate * step, modes.damped * step
     fade = jnp.exp(-decay)
     groups = size // INNER
-    real, imag, lengths = stage(lambda x, y: powers(x, y, groups), go, fade * jnp.cos(turn), fade * jnp.sin(turn))
+    real, imag, lengths = barrier(
+        lambda x, y: powers(x, y, groups), always_true, fade * jnp.cos(turn), fade * jnp.sin(turn)
+    )
 
     def starts(C, lengths):
         # c1 Re z^t + c2 Im z^t = Re((c1 - i c2) z^t)
@@ -165,5 +167,5 @@ def _motion(C: list[jax.Array], modes: Shape, step: jax.Array, go: jax.Array, si
             a, b = jnp.concatenate([a, a * x - b * y]), jnp.concatenate([b, a * y + b * x])
         return a[:groups, None], b[:groups, None]
 
-    a, b = stage(starts, go, C, lengths)
+    a, b = barrier(starts, always_true, C, lengths)
     return total(a[:, :, m] * real[None, :, m] - b[:, :, m] * imag[None, :, m] for m in range(2)).reshape(size, -1)

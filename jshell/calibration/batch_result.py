@@ -1,6 +1,7 @@
 """What a batch fit found: a table, one row per record.
 
-Symbols    α1, α2, k_VS, β1 constants [-]   τ decay time   ω-, ω+ pulsations   χ² sum of squared weighted residuals
+Symbols    α1, α2, k_VS, β1 constants [-]   τ decay time   ω-, ω+ angular frequencies
+           χ² sum of squared weighted residuals
 """
 
 from dataclasses import dataclass, field
@@ -34,7 +35,7 @@ class BatchResult:
         values: (rows, 5) alpha1, alpha2, k_vs, tau, beta1; NaN where there is no answer (beta1 also without viscosity).
         stderr: (rows, 5) standard errors; NaN where there is none, 0 where fixed.
         covariance: (rows, 5, 5).
-        omega: (rows, 2) undamped pulsations ω-, ω+.
+        omega: (rows, 2) undamped angular frequencies ω-, ω+.
         state: (rows, 6) ΔV, ΔS, dV/dt, dS/dt at the first sample; V and S at rest. Of the modal loss (rows, 5
             channels): cosine and sine of the slow and of the fast mode of every channel, then every channel at rest.
         rest: (rows, 2) V_e and P_e that the model was given.
@@ -168,9 +169,9 @@ class BatchResult:
         if again.any():
             agree = int(np.sum(self.agreeing[again] == self.tried[again]))
             lines.append(f"    tried again       {int(again.sum()):6}: every start agrees for {agree}")
-        remember = int(np.sum(self.memory.max(axis=1, initial=0.0) > 0))
-        if remember:
-            lines.append(f"    autocorrelated    {remember:6}: noise with a memory, allowed for")
+        correlated = int(np.sum(self.memory.max(axis=1, initial=0.0) > 0))
+        if correlated:
+            lines.append(f"    autocorrelated    {correlated:6}: noise with a memory, allowed for")
         for name in PARAMETERS:
             good = self[name][self.ok & np.isfinite(self[name])]
             if good.size:
@@ -220,8 +221,8 @@ def read(run: BatchState) -> BatchResult:
         of_unknowns = inverse * scale[:, None, None]
         covariance = slope @ of_unknowns @ np.swapaxes(slope, 1, 2)
         stderr = np.sqrt(np.einsum("rii->ri", covariance))
-        turning = np.transpose(found.slope, (2, 1, 0))[:, :, free]
-        omega_stderr = np.sqrt(np.einsum("rij,rjk,rik->ri", turning, of_unknowns, turning))
+        by_unknowns = np.transpose(found.slope, (2, 1, 0))[:, :, free]
+        omega_stderr = np.sqrt(np.einsum("rij,rjk,rik->ri", by_unknowns, of_unknowns, by_unknowns))
 
     directions = []
     names = tuple(

@@ -105,9 +105,9 @@ def coupled(a: Any, b: Any, c2: Any) -> tuple[Any, Any, Any, Any]:
 def _turning(slow: jax.Array, fast: jax.Array, gap: jax.Array, rate: jax.Array) -> tuple[jax.Array, ...]:
     """(2, block) ω² and Ω; and whether both modes turn, and apart, where Ω is not 1."""
     w2 = jnp.stack([slow, fast])
-    turning = w2 - rate**2
-    sound = (turning[0] > 1e-6 * fast) & (gap > 1e-9 * fast)
-    return w2, jnp.sqrt(jnp.where(sound, turning, 1.0)), sound
+    damped_squared = w2 - rate**2
+    sound = (damped_squared[0] > 1e-6 * fast) & (gap > 1e-9 * fast)
+    return w2, jnp.sqrt(jnp.where(sound, damped_squared, 1.0)), sound
 
 
 def shape(unknowns: Float[Array, "unknowns block"], data: Any) -> Shape:
@@ -152,7 +152,7 @@ def _of_frequencies(unknowns: Float[Array, "unknowns block"], data: Any) -> Shap
     return Shape(damped, rate, ones, own / (2 * damped), jnp.zeros((len(data.weight), *own.shape)), sound)
 
 
-def pulsations(modes: Shape) -> tuple[jax.Array, jax.Array]:
+def angular_frequencies(modes: Shape) -> tuple[jax.Array, jax.Array]:
     """Undamped (2, block) ω-, ω+, and their derivatives (unknowns, 2, block)."""
     omega = jnp.sqrt(modes.damped**2 + modes.rate**2)
     by_rate = jnp.zeros_like(modes.damped_slope).at[3].set(modes.rate**2 * jnp.ones_like(omega))
@@ -160,7 +160,7 @@ def pulsations(modes: Shape) -> tuple[jax.Array, jax.Array]:
 
 
 def first_motion(modes: Shape, linear: jax.Array) -> list[jax.Array]:
-    """ΔV, ΔS and their rates at the first sample, from the factors of the basis as `Look` has them."""
+    """ΔV, ΔS and their rates at the first sample, from the factors of the basis as `Evaluation` has them."""
     cosine, sine = linear[0::2], linear[1::2]
     rates = modes.damped * sine - modes.rate * cosine
     return [total(modes.shapes[c, m] * x[m] for m in range(2)) for x in (cosine, rates) for c in range(2)]

@@ -49,9 +49,9 @@ class Waves(NamedTuple):
 
 def waves_of(modes: Shape, data: Block) -> tuple[Waves, jax.Array, jax.Array]:
     """The basis of an even record; and Re z, Im z (modes, block)."""
-    go = data.count[0] >= 0
+    always_true = data.count[0] >= 0
     decay, turn = modes.rate * data.step, modes.damped * data.step
-    G, sums = gram(decay, turn, data.count, go)
+    G, sums = gram(decay, turn, data.count, always_true)
     first = jnp.array([1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0])[:, None]
     G = G + sums[:, None] * sums[None] / data.count - first[:, None] * first[None]
     size = jnp.exp(-decay)

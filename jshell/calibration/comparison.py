@@ -138,9 +138,9 @@ def compare(
         warnings.simplefilter("ignore", RangeWarning)
         offset = float(np.mean(np.asarray(one["V"]))) if "V" in names else None
         state, _ = rest_state(one, offset, equilibrium, 1)
-    ready = record(one, names, state)
-    weight, data = np.asarray(ready.weight), np.asarray(ready.data)
-    noise = np.array([noise_of_channel(ready, one, i) or 0.0 for i in range(len(names))])
+    prepared = record(one, names, state)
+    weight, data = np.asarray(prepared.weight), np.asarray(prepared.data)
+    noise = np.array([noise_of_channel(prepared, one, i) or 0.0 for i in range(len(names))])
     rows: list[Row | None] = [*_modes(times, data, weight, noise)]
     for model in ("modal", *(("strict",) if loss == "strict" else ())):
         rows.append(_oscillator(model, one, names, equilibrium, data, weight, noise))
@@ -205,10 +205,10 @@ def _modes(times: np.ndarray, data: np.ndarray, weight: np.ndarray, noise) -> li
     scaled = (data - data.mean(axis=1, keepdims=True)) * weight
     elapsed = times - times[0]
     rows = []
-    for endings in model_orders(elapsed, scaled):
-        if not endings or not endings[0].at_rest:
+    for solutions in model_orders(elapsed, scaled):
+        if not solutions or not solutions[0].at_rest:
             continue
-        best = endings[0]
+        best = solutions[0]
         varied = best.unknowns.size + best.linear.size
         left = (best.curve(elapsed) - scaled).ravel()
         rows.append(_row(MODELS[best.model.modes - 1], left, varied, data, weight, noise, Outcome.OK))

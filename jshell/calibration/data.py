@@ -168,7 +168,7 @@ def usual_channels(
         names = tuple(channels)
     else:
         shared = tuple(name for name in traces[0].channels if all(name in one.channels for one in traces))
-        # pressures, velocities and energies that a simulator wrote beside the shape are not listened to
+        # pressures, velocities and energies that a simulator wrote beside the shape are not fitted
         names = tuple(name for name in shared if name in MEASURED) or shared
         if loss == "strict" and {"V", "S"} <= set(names):
             names = ("V", "S")

@@ -13,15 +13,15 @@ from jshell.calibration.ar1 import examined, fit_ar1, power
 from jshell.calibration.data import with_sigma
 from jshell.calibration.estimate import Estimate, starts_of
 from jshell.calibration.frequency_model import square_only
-from jshell.calibration.joint import Joint
 from jshell.calibration.least_squares import SolverResult, best_of, value_and_jacobian
 from jshell.calibration.lengths import without_data
 from jshell.calibration.linearization import Linearization, linearized, whitened
-from jshell.calibration.losses import Problem, linear_names, pulsations, targets
-from jshell.calibration.misfit import HEARD, misfits, mode_powers, silent_directions, snaps
+from jshell.calibration.losses import TraceModel, angular_frequencies, linear_names, targets
+from jshell.calibration.misfit import IDENTIFIED, misfits, mode_powers, silent_directions, snaps
 from jshell.calibration.noise import Noise, taken_as_white
 from jshell.calibration.objective import Objective
 from jshell.calibration.parameters import Unknowns
+from jshell.calibration.problem import Problem
 from jshell.calibration.report import FitResult
 from jshell.calibration.robust import Robust
 from jshell.calibration.sampling import sampling
@@ -48,10 +48,10 @@ from jshell.trace import Trace
 
 
 def trace_result(
-    joint: Joint,
-    space: Unknowns,
-    ending: SolverResult,
-    natural: np.ndarray,
+    problem: Problem,
+    parameters: Unknowns,
+    solution: SolverResult,
+    constrained: np.ndarray,
     cut: list[Trace],
     *,
     noise: str = "auto",
@@ -60,27 +60,27 @@ def trace_result(
     """The best ending, judged: errors, what they leave out, and whether the model describes the records.
 
     Args:
-        joint: What was fitted.
-        space: Its parameters.
-        ending: Of the solver.
-        natural: (starts, names) where it began.
+        problem: What was fitted.
+        parameters: Its parameters.
+        solution: Of the solver.
+        constrained: (starts, names) where it began.
         cut: The traces inside the window.
         noise: `auto` tests the residual and takes noise as autocorrelated where it is; `white` takes it as white.
         robust: What a robust loss gave, where there was one.
     """
-    problem = joint.problem
-    absolute = with_sigma(cut, problem.records[0].channels)
-    size = float(sum(np.sum((np.asarray(block) - np.mean(block)) ** 2) for block in targets(problem)))
-    best, same = best_of(ending, size)
-    values = np.array(space.natural(np.asarray(ending.unknowns)[best]))
-    found = linearized(values, joint, space, None if robust is None else robust.linear)
-    noises = examined(joint, found)
-    notes = [f"rest states: {', '.join(f'V = {float(one.state.volume):.5g}' for one in problem.records)}"]
-    outcome = Outcome(int(np.asarray(ending.outcome)[best]))
+    model = problem.model
+    absolute = with_sigma(cut, model.records[0].channels)
+    size = float(sum(np.sum((np.asarray(block) - np.mean(block)) ** 2) for block in targets(model)))
+    best, same = best_of(solution, size)
+    values = np.array(parameters.constrained(np.asarray(solution.unknowns)[best]))
+    found = linearized(values, problem, parameters, None if robust is None else robust.linear)
+    noises = examined(problem, found)
+    notes = [f"rest states: {', '.join(f'V = {float(one.state.volume):.5g}' for one in model.records)}"]
+    outcome = Outcome(int(np.asarray(solution.outcome)[best]))
     if noise == "auto" and robust is None and any(one.memory > 0 for one in noises):
         # what a misfit leaves is motion, of which a memory only seems to tell: there the white minimum stays
-        trusted = outcome == Outcome.OK and not misfits(joint, found.residual, cut, noises, robust=False)
-        joint, moved = fit_ar1(joint, found, noises, space, free_to_move=trusted)
+        trusted = outcome == Outcome.OK and not misfits(problem, found.residual, cut, noises, robust=False)
+        problem, moved = fit_ar1(problem, found, noises, parameters, free_to_move=trusted)
         notes.append(
             "the residual is not white: the noise is taken as autocorrelated, e_k = φ e_{k-1} + fresh"
             + (", and the constants are those of that noise" if moved is not found else "")
@@ -88,74 +88,74 @@ def trace_result(
         found = moved
     values, r = found.values, found.residual
 
-    names = space.names
-    free = [space.names.index(name) for name in space.free]
+    names = parameters.names
+    free = [parameters.names.index(name) for name in parameters.free]
     varied = tuple(names[i] for i in free)
-    shown, errors = _errors(joint, space, found, absolute, robust)
+    shown, errors = _errors(problem, parameters, found, absolute, robust)
     chi_square = power(r)
 
     count = len(free)
     covariance = errors.covariance[:count, :count]
-    directions = [free_direction(d[:count], varied, problem) for d in errors.null if moves(d, varied)]
+    directions = [free_direction(d[:count], varied, model) for d in errors.null if moves(d, varied)]
     level = (
-        chi_square / max(1, used_samples(joint) - errors.stderr.size)
+        chi_square / max(1, used_samples(problem) - errors.stderr.size)
         if robust is None
         else robust.variance * float(np.max(robust.scale)) ** 2
     )
-    quiet, loud = quiet_modes(joint, found, level, absolute and robust is None, noises)
+    quiet, loud = quiet_modes(problem, found, level, absolute and robust is None, noises)
     silent: list[np.ndarray] = []
     if not directions:
         for direction, error in loose_directions(covariance, shown[free]):
             directions.append(
-                f"{in_words(direction, varied)} is known to {share_in_words(error)} only: {remedy(problem, cut, quiet)}"
+                f"{in_words(direction, varied)} is known to {share_in_words(error)} only: {remedy(model, cut, quiet)}"
             )
         if not directions and quiet:
-            silent = silent_directions(joint, values, space.slopes(values), loud)
+            silent = silent_directions(problem, values, parameters.slopes(values), loud)
             for direction in silent:
                 directions.append(
-                    f"{in_words(direction, varied)} changes little that is heard: {remedy(problem, cut, quiet)}"
+                    f"{in_words(direction, varied)} changes little in these data: {remedy(model, cut, quiet)}"
                 )
             if not directions:
-                directions.append(remedy(problem, cut, quiet))
+                directions.append(remedy(model, cut, quiet))
     if directions and outcome in (Outcome.OK, Outcome.AT_BOUND):
         outcome = Outcome.RANK_DEFICIENT
-    texts = [*snaps(cut), *misfits(joint, r, cut, noises, robust is not None)]
-    if joint.memory is None:
+    texts = [*snaps(cut), *misfits(problem, r, cut, noises, robust is not None)]
+    if problem.memory is None:
         texts += [f"what is left of {one.words()}: errors that take it as white are too small" for one in noises
                   if one.memory > 0]  # fmt: skip
         noises = [taken_as_white(one) for one in noises]
 
-    stretch = space.stretch(shown)
+    stretch = parameters.stretch(shown)
     stretch = np.where(stretch == 0, 1.0, stretch)  # at k_vs = 0, which has no error there
-    slopes = space.slopes(values) * stretch[free]  # the covariance is of k_vs, the model's values of its square
-    derived, gradient = _derived(joint, values, slopes, covariance)
+    slopes = parameters.slopes(values) * stretch[free]  # the covariance is of k_vs, the model's values of its square
+    derived, gradient = _derived(problem, values, slopes, covariance)
     if outcome == Outcome.OK and not all(np.isfinite(e.value) for e in derived if e.name.startswith("omega")):
         outcome = Outcome.OUT_OF_RANGE  # the constants found have no slow oscillation at all
     undetermined = open_constants(varied, shown[free], errors, outcome, silent)
     null = np.array([*errors.null[:, :count], *silent]).reshape(-1, count)
     derived = hide_derived(derived, gradient, shown[free], null, outcome)
 
-    estimates = estimates_of(names, varied, shown, space.reported(natural[best]), errors, undetermined)
-    for name, _ in space.tied:
+    estimates = estimates_of(names, varied, shown, parameters.reported(constrained[best]), errors, undetermined)
+    for name, _ in parameters.tied:
         i = names.index(name)
         row = slopes[i] / stretch[i]
         one = Estimate(name, float(shown[i]), float(propagate(row[None], covariance)[0]), role="tied")
         lost = [other for other, slope in zip(varied, row, strict=True) if slope != 0 and other in undetermined]
         estimates[i] = hidden(one, f"it follows from {lost[0]}") if lost else one
-    for j, (name, value) in enumerate(zip(linear_names(problem), np.concatenate(found.linear), strict=True), count):
+    for j, (name, value) in enumerate(zip(linear_names(model), np.concatenate(found.linear), strict=True), count):
         one = Estimate(name, float(value), float(errors.stderr[j]), errors.reasons[j], role="nuisance")
         lost = NO_MINIMUM if outcome in RESTLESS else one.reason if one.reason != NO_SCATTER else ""
         estimates.append(hidden(one, lost) if lost else one)
 
-    notes += method_notes(problem, joint, absolute, robust)
+    notes += method_notes(model, problem, absolute, robust)
     notes += sampling_notes(cut, absolute)
-    notes += sign_of_coupling(problem, space, estimates)
-    notes += other_minima(ending, space, same)
-    if joint.problem.loss == "strict" or any(one.memory for one in noises):
+    notes += sign_of_coupling(model, parameters, estimates)
+    notes += other_minima(solution, parameters, same)
+    if problem.model.loss == "strict" or any(one.memory for one in noises):
         notes += [one.words() for one in noises if one.correlated]
     return FitResult(
-        title=f"{problem.loss.capitalize()} fit of {len(cut)} trace{'s' if len(cut) > 1 else ''}, "
-        f"channels {', '.join(problem.records[0].channels)}, solver {problem.solver}",
+        title=f"{model.loss.capitalize()} fit of {len(cut)} trace{'s' if len(cut) > 1 else ''}, "
+        f"channels {', '.join(model.records[0].channels)}, solver {model.solver}",
         outcome=outcome,
         estimates=tuple(estimates),
         derived=derived,
@@ -164,33 +164,38 @@ def trace_result(
         varied=varied,
         residual=r,
         chi_square=chi_square,
-        n_data=used_samples(joint),
+        n_data=used_samples(problem),
         n_varied=errors.stderr.size,
         absolute=absolute,
         free_directions=tuple(directions),
-        starts=starts_of(ending, natural, same),
+        starts=starts_of(solution, constrained, same),
         notes=tuple(notes),
         warnings=tuple(texts),
-        dipole=problem.dipole,
+        dipole=model.dipole,
         noise=tuple(noises),
         traces=tuple(cut),
         minimum=tuple(float(x) for x in values) if undetermined else (),
-        objective=Objective.of_traces(joint, space, values, absolute)
+        minimised=Objective.of_traces(problem, parameters, values, absolute)
         if robust is None
         else Objective.of_traces(
-            robust.joint, space, values, absolute, robust.kind, tuple(np.sqrt(weights) for weights in robust.weights)
+            robust.problem,
+            parameters,
+            values,
+            absolute,
+            robust.kind,
+            tuple(np.sqrt(weights) for weights in robust.weights),
         ),
     )
 
 
 def _errors(
-    joint: Joint, space: Unknowns, found: Linearization, absolute: bool, robust: Robust | None
+    problem: Problem, parameters: Unknowns, found: Linearization, absolute: bool, robust: Robust | None
 ) -> tuple[np.ndarray, Uncertainty]:
     """Constants as shown, errors of constants and linear parameters together."""
-    r, J = whitened(joint, found)
-    shown = space.reported(found.values)
-    free = [space.names.index(name) for name in space.free]
-    J = J * np.append(space.stretch(shown)[free], np.ones(J.shape[1] - len(free)))
+    r, J = whitened(problem, found)
+    shown = parameters.reported(found.values)
+    free = [parameters.names.index(name) for name in parameters.free]
+    J = J * np.append(parameters.stretch(shown)[free], np.ones(J.shape[1] - len(free)))
     size = r.size - len(found.prior)
     if robust is not None:
         r[:size], J[:size] = r[:size] / robust.scale, J[:size] / robust.scale[:, None]
@@ -198,36 +203,34 @@ def _errors(
     variance = None if robust is None else robust.variance
     absolute = absolute and robust is None  # a robust fit takes its scale from the residual
     return shown, uncertainty(
-        J[:size], r[:size], values, count=used_samples(joint), absolute=absolute, prior=J[size:], variance=variance
+        J[:size], r[:size], values, count=used_samples(problem), absolute=absolute, prior=J[size:], variance=variance
     )
 
 
-def used_samples(joint: Joint) -> int:
+def used_samples(problem: Problem) -> int:
     """Samples that count."""
-    return int(sum(np.sum(np.asarray(record.weight) > 0) for record in joint.problem.records))
+    return int(sum(np.sum(np.asarray(record.weight) > 0) for record in problem.model.records))
 
 
 def _derived(
-    joint: Joint, values: np.ndarray, slopes: np.ndarray, covariance: np.ndarray
+    problem: Problem, values: np.ndarray, slopes: np.ndarray, covariance: np.ndarray
 ) -> tuple[tuple[Estimate, ...], np.ndarray]:
     """ω-, ω+ and τ of every trace, with errors; and their gradient (numbers, free) by the constants as shown."""
-    problem = joint.problem
-    modal = problem.loss == "modal"
-    told = []
-    for one, places in zip(problem.records, joint.places, strict=True):
-        damped = modal or (problem.tied and values[places[3]] > 0)
-        told.append(bool(damped and float(one.conditions.viscosity) > 0))
-    bare = eqx.tree_at(
-        lambda j: (j.problem, j.memory), joint, (without_data(problem), None), is_leaf=lambda x: x is None
-    )
-    value, gradient = _derived_jacobian(values, bare, tuple(told))
+    model = problem.model
+    modal = model.loss == "modal"
+    listed = []
+    for one, places in zip(model.records, problem.places, strict=True):
+        damped = modal or (model.tied and values[places[3]] > 0)
+        listed.append(bool(damped and float(one.conditions.viscosity) > 0))
+    bare = eqx.tree_at(lambda j: (j.model, j.memory), problem, (without_data(model), None), is_leaf=lambda x: x is None)
+    value, gradient = _derived_jacobian(values, bare, tuple(listed))
     along = np.asarray(gradient) @ slopes
     stderr = propagate(along, covariance)
     names = []
-    for i in range(len(problem.records)):
-        tail = f"[{i + 1}]" if len(problem.records) > 1 else ""
+    for i in range(len(model.records)):
+        tail = f"[{i + 1}]" if len(model.records) > 1 else ""
         names += [f"omega_minus{tail}", f"omega_plus{tail}"]
-        if told[i]:
+        if listed[i]:
             names.append(f"beta1/alpha1{tail}" if modal else f"tau{tail}")
     found = tuple(
         Estimate(name, float(v), float(e), role="derived")
@@ -238,18 +241,18 @@ def _derived(
 
 @eqx.filter_jit
 def _derived_jacobian(
-    values: np.ndarray | jax.Array, joint: Joint, told: tuple[bool, ...]
+    values: np.ndarray | jax.Array, problem: Problem, listed: tuple[bool, ...]
 ) -> tuple[jax.Array, jax.Array]:
-    """ω-, ω+ and, where `told`, the damping of every trace; with derivatives."""
-    modal = joint.problem.loss == "modal"
+    """ω-, ω+ and, where `listed`, the damping of every trace; with derivatives."""
+    modal = problem.model.loss == "modal"
 
     def numbers(p: jax.Array) -> jax.Array:
         found = []
-        for (own, problem), tell in zip(joint.pieces(p), told, strict=True):
-            one = problem.records[0]
+        for (own, model), has_tau in zip(problem.terms(p), listed, strict=True):
+            one = model.records[0]
             constants = own[:3] if modal else own[:3].at[2].set(own[2] ** 2)
-            found += list(jnp.sqrt(pulsations(constants, one)))
-            if tell:
+            found += list(jnp.sqrt(angular_frequencies(constants, one)))
+            if has_tau:
                 eta = one.conditions.viscosity
                 found.append(1 / (2 * own[3] * eta) if modal else own[0] / (2 * own[3] * eta))
         return jnp.stack(found)
@@ -262,10 +265,10 @@ def moves(direction: np.ndarray, varied: tuple[str, ...]) -> bool:
     return bool(np.abs(direction[: len(varied)]).max() > 1e-6)
 
 
-def free_direction(direction: np.ndarray, varied: tuple[str, ...], problem: Problem) -> str:
+def free_direction(direction: np.ndarray, varied: tuple[str, ...], model: TraceModel) -> str:
     """A combination of constants that the data leave free, and what would fix it."""
     text = in_words(direction, varied)
-    if problem.loss == "modal":
+    if model.loss == "modal":
         return (
             f"{text} changes neither ω-, ω+ nor τ of these traces: fix alpha2, or add a trace at a second "
             "pressure, or fit V and S by the strict loss"
@@ -273,11 +276,11 @@ def free_direction(direction: np.ndarray, varied: tuple[str, ...], problem: Prob
     return f"{text} changes nothing in these traces: fix one of them, or add a trace at a second pressure"
 
 
-def remedy(problem: Problem, cut: list[Trace], quiet: list[str]) -> str:
+def remedy(model: TraceModel, cut: list[Trace], quiet: list[str]) -> str:
     """What data would fix a direction that is known badly."""
     texts = list(quiet)
     span = max(float(np.ptp(np.asarray(trace.times))) for trace in cut)
-    slow = min(float(jnp.sqrt(9 * jnp.pi**2 / 8) / one.state.volume) for one in problem.records)  # area alone, α2 = 1
+    slow = min(float(jnp.sqrt(9 * jnp.pi**2 / 8) / one.state.volume) for one in model.records)  # area alone, α2 = 1
     if span * slow < 2 * np.pi:
         texts.append(f"the longest record, {span:.3g} time units, holds about one period or less")
     texts.append("take a longer or cleaner record in which both modes ring, add a second pressure, or fix one of them")
@@ -285,28 +288,28 @@ def remedy(problem: Problem, cut: list[Trace], quiet: list[str]) -> str:
 
 
 def quiet_modes(
-    joint: Joint, found: Linearization, reduced: float, absolute: bool, noises: list[Noise]
+    problem: Problem, found: Linearization, reduced: float, absolute: bool, noises: list[Noise]
 ) -> tuple[list[str], int]:
     """Modes that no trace holds, in words, and the louder of the two."""
     total, at = np.zeros(2), 0
-    for piece in joint.pieces(found.values):
-        count = 1 if joint.problem.loss == "strict" else len(piece.problem.records[0].channels)
-        total += mode_powers(piece, found.linear[at : at + count], found.design[at : at + count])
+    for term in problem.terms(found.values):
+        count = 1 if problem.model.loss == "strict" else len(term.model.records[0].channels)
+        total += mode_powers(term, found.linear[at : at + count], found.design[at : at + count])
         at += count
     louder = max((1 + one.memory) / (1 - one.memory) for one in noises)
     level = (1.0 if absolute else max(reduced, 1e-300)) * louder
     texts = [
-        f"the {which} mode is not heard above the noise (its χ² is {power / level:.0f}, {HEARD:g} are needed)"
+        f"the {which} mode does not rise above the noise (its χ² is {power / level:.0f}, {IDENTIFIED:g} are needed)"
         for which, power in zip(("slow", "fast"), total, strict=True)
-        if power < HEARD * level
+        if power < IDENTIFIED * level
     ]
     return texts, int(np.argmax(total))
 
 
-def sign_of_coupling(problem: Problem, space: Unknowns, estimates: list[Estimate]) -> list[str]:
+def sign_of_coupling(model: TraceModel, parameters: Unknowns, estimates: list[Estimate]) -> list[str]:
     """What is to be said of the sign of k_VS."""
-    if problem.loss == "modal":
-        return [square_only(space)]
+    if model.loss == "modal":
+        return [square_only(parameters)]
     return [
         f"the sign of {e.name} is open: {e.value:+.3g} is {abs(e.value / e.stderr):.1f} standard errors from 0"
         for e in estimates
@@ -314,35 +317,35 @@ def sign_of_coupling(problem: Problem, space: Unknowns, estimates: list[Estimate
     ]
 
 
-def other_minima(ending: SolverResult, space: Unknowns, same: np.ndarray) -> list[str]:
+def other_minima(solution: SolverResult, parameters: Unknowns, same: np.ndarray) -> list[str]:
     """Minima above the best one in which starts ended."""
-    cost, outcome = np.asarray(ending.cost), np.asarray(ending.outcome)
+    cost, outcome = np.asarray(solution.cost), np.asarray(solution.outcome)
     ended = ((outcome == Outcome.OK) | (outcome == Outcome.AT_BOUND)) & ~same & np.isfinite(cost)
     lowest, texts = cost[same].min() if same.any() else np.nan, []
     while ended.any():
         first = int(np.argmin(np.where(ended, cost, np.inf)))
         alike = ended & (np.abs(cost - cost[first]) <= 1e-4 * cost[first])
-        values = np.asarray(space.natural(np.asarray(ending.unknowns)[first]))
-        told = ", ".join(
+        values = np.asarray(parameters.constrained(np.asarray(solution.unknowns)[first]))
+        listed = ", ".join(
             f"{name} = {v:.4g}"
-            for name, v in zip(space.names, space.reported(values), strict=True)
-            if name in space.free
+            for name, v in zip(parameters.names, parameters.reported(values), strict=True)
+            if name in parameters.free
         )
-        where = " at k_VS = 0" if "k_vs" in space.squared and "k_vs = 0," in told + "," else ""
+        where = " at k_VS = 0" if "k_vs" in parameters.squared and "k_vs = 0," in listed + "," else ""
         times = f"{cost[first] / lowest:.4g} times" if lowest > 0 else f"{cost[first]:.3g} against 0, not"
-        texts.append(f"{alike.sum()} starts ended in another minimum{where}, {times} the lowest χ²: {told}")
+        texts.append(f"{alike.sum()} starts ended in another minimum{where}, {times} the lowest χ²: {listed}")
         ended &= ~alike
     return texts
 
 
-def method_notes(problem: Problem, joint: Joint, absolute: bool, robust: Robust | None) -> list[str]:
+def method_notes(model: TraceModel, problem: Problem, absolute: bool, robust: Robust | None) -> list[str]:
     notes = []
-    if problem.loss == "strict" and problem.tied:
+    if model.loss == "strict" and model.tied:
         notes.append("beta2 is tied to beta1 so that both modes decay alike")
     if not absolute:
         notes.append("each channel is weighed by its own noise, estimated from sixth differences")
-    if len(joint.prior_at):
-        names = ", ".join(joint.names[i] for i in joint.prior_at)
+    if len(problem.prior_at):
+        names = ", ".join(problem.names[i] for i in problem.prior_at)
         notes.append(f"priors are held for {names}; their rows are not scaled and not counted as data")
     if robust is not None:
         light = sum(int(np.sum(weights < 0.5)) for weights in robust.weights)

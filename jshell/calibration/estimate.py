@@ -103,15 +103,15 @@ class Start:
     agrees: bool
 
 
-def starts_of(ending: SolverResult, natural: np.ndarray, same: np.ndarray) -> tuple[Start, ...]:
+def starts_of(solution: SolverResult, constrained: np.ndarray, same: np.ndarray) -> tuple[Start, ...]:
     """How every start ended.
 
     Args:
-        ending: Of the solver.
-        natural: (starts, parameters) where each began.
+        solution: Of the solver.
+        constrained: (starts, parameters) where each began.
         same: Which ended in the best minimum.
     """
-    cost, outcome, steps = (np.asarray(x) for x in (ending.cost, ending.outcome, ending.steps))
+    cost, outcome, steps = (np.asarray(x) for x in (solution.cost, solution.outcome, solution.steps))
     return tuple(
         Start(
             tuple(float(x) for x in values),
@@ -120,5 +120,5 @@ def starts_of(ending: SolverResult, natural: np.ndarray, same: np.ndarray) -> tu
             int(steps[i]),
             bool(same[i]),
         )
-        for i, values in enumerate(natural)
+        for i, values in enumerate(constrained)
     )

@@ -21,11 +21,13 @@ SQUARED = frozenset({"k_vs"})  # frequencies know its square
 POSITIVE = frozenset({"alpha1", "alpha2"})
 
 
-def model(natural: Float[Array, "3"], rows: FrequencyTable) -> Float[Array, "shells 2"]:
+def model(constants: Float[Array, "3"], rows: FrequencyTable) -> Float[Array, "shells 2"]:
     """V_e² ω² of every row (eq:defw), slow first; negative where unstable."""
 
     def one(V, P, kappa, K_A):
-        return V**2 * frequencies_of_square(V, P, natural[0], natural[1], natural[2], kappa=kappa, area_modulus=K_A)
+        return V**2 * frequencies_of_square(
+            V, P, constants[0], constants[1], constants[2], kappa=kappa, area_modulus=K_A
+        )
 
     arrays = (jnp.asarray(x) for x in (rows.volume, rows.pressure, rows.kappa, rows.area_modulus))
     return jax.vmap(one)(*arrays)
@@ -34,10 +36,10 @@ def model(natural: Float[Array, "3"], rows: FrequencyTable) -> Float[Array, "she
 def table_residual(u: jax.Array, args: tuple[Unknowns, FrequencyTable, str]) -> jax.Array:
     """Weighted residual of a table, of what the solver sees."""
     free, rows, weighting = args
-    return weighted(free.natural(u), rows, weighting)
+    return weighted(free.constrained(u), rows, weighting)
 
 
-def weighted(natural: jax.Array, rows: FrequencyTable, weighting: str) -> Float[Array, " data"]:
+def weighted(constants: jax.Array, rows: FrequencyTable, weighting: str) -> Float[Array, " data"]:
     """Residual of every frequency, 0 where it is missing.
 
     In V_e ω the square root is continued by its tangent below a hundredth of
@@ -46,7 +48,7 @@ def weighted(natural: jax.Array, rows: FrequencyTable, weighting: str) -> Float[
     V = jnp.asarray(rows.volume)[:, None]
     measured = jnp.isfinite(rows.omega)
     omega = jnp.where(measured, rows.omega, 1.0)
-    found = model(natural, rows)
+    found = model(constants, rows)
     if weighting == "V_e omega":
         floor = 0.01 * (V * omega) ** 2
         root = jnp.sqrt(jnp.maximum(found, floor))
@@ -106,7 +108,7 @@ def parameters_of_table(fix: Mapping[str, float] | None, bounds: Mapping[str, tu
     return unknowns(NAMES, POSITIVE, fix, bounds, squared=SQUARED)
 
 
-def square_only(space: Unknowns) -> str:
+def square_only(parameters: Unknowns) -> str:
     """What is to be said of the sign of k_VS where frequencies alone are fitted."""
-    sign = "negative, as it was given" if space.negative else "positive, its sign is not known"
+    sign = "negative, as it was given" if parameters.negative else "positive, its sign is not known"
     return f"frequencies determine k_VS² only: k_vs is reported {sign}"

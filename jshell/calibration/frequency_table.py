@@ -1,6 +1,6 @@
 """A table of frequencies, one row per shell, made ready for a fit.
 
-Symbols    ω-, ω+ pulsations [sqrt(E d/(ρ_f R0³))]   V_e volume [R0³], P_e pressure [E d/R0] at rest
+Symbols    ω-, ω+ angular frequencies [sqrt(E d/(ρ_f R0³))]   V_e volume [R0³], P_e pressure [E d/R0] at rest
 Valid for  rest states that are given, or those of the plateau law in its range
 Source     Mokbel et al. 2021: eq:equiplateau, eq:equivol
 """

@@ -13,9 +13,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jshell.calibration.joint import Joint
 from jshell.calibration.linearization import linearized, whitened
 from jshell.calibration.objective import Objective, evaluate
+from jshell.calibration.problem import Problem
 from jshell.calibration.rebuilt import objective_of
 from jshell.calibration.result import Fit
 from jshell.errors import require_extra
@@ -36,38 +36,38 @@ def to_lmfit(result: Fit) -> Any:
     """
     objective = objective_of(result)
     lmfit = require_extra("lmfit", "interop")
-    parameters = lmfit.Parameters()
-    space, shown = objective.space, objective.shown(objective.best)
+    table = lmfit.Parameters()
+    parameters, shown = objective.parameters, objective.shown(objective.best)
     names = [name.replace("[", "_").replace("]", "") for name in objective.names]
-    limits = [objective.shown(np.asarray(end)) for end in (np.array(space.low), np.array(space.high))]
+    limits = [objective.shown(np.asarray(end)) for end in (np.array(parameters.low), np.array(parameters.high))]
     for i, (name, value) in enumerate(zip(names, shown, strict=True)):
-        inner = space.free[i]
-        low = float(limits[0][i]) if np.isfinite(space.low[i]) else -np.inf
-        high = float(limits[1][i]) if np.isfinite(space.high[i]) else np.inf
-        if inner in space.squared or inner in space.positive:
+        inner = parameters.free[i]
+        low = float(limits[0][i]) if np.isfinite(parameters.low[i]) else -np.inf
+        high = float(limits[1][i]) if np.isfinite(parameters.high[i]) else np.inf
+        if inner in parameters.squared or inner in parameters.positive:
             low = low if low != 0 else -np.inf
-        if inner in space.negative:
+        if inner in parameters.negative:
             low, high = (-np.inf if high == np.inf else high), (np.inf if low == -np.inf else low)
-        parameters.add(name, float(value), min=low, max=high)
-    if not isinstance(objective.args[1], Joint):
+        table.add(name, float(value), min=low, max=high)
+    if not isinstance(objective.args[1], Problem):
         function = lambda p: _table_residual(objective, np.array([p[name].value for name in names]))  # noqa: E731
-        return lmfit.Minimizer(function, parameters, scale_covar=not objective.absolute)
+        return lmfit.Minimizer(function, table, scale_covar=not objective.absolute)
 
-    space, joint = objective.args
-    linear = linearized(np.asarray(objective.values), joint, space).linear
+    parameters, problem = objective.args
+    linear = linearized(np.asarray(objective.values), problem, parameters).linear
     flat = np.concatenate(linear)
     more = [f"linear_{i}" for i in range(flat.size)]
     for name, value in zip(more, flat, strict=True):
-        parameters.add(name, float(value))
+        table.add(name, float(value))
     cuts = np.cumsum([c.size for c in linear])[:-1]
 
     def at(p) -> tuple[np.ndarray, np.ndarray]:
         """Residual and Jacobian, by the parameters as lmfit has them."""
         values = _values(objective, np.array([p[name].value for name in names]))
         parts = np.split(np.array([p[name].value for name in more]), cuts)
-        r, J = whitened(joint, linearized(values, joint, space, parts))
-        for j, inner in enumerate(space.free):
-            J[:, j] *= 2 * p[names[j]].value if inner in space.squared else 1.0
+        r, J = whitened(problem, linearized(values, problem, parameters, parts))
+        for j, inner in enumerate(parameters.free):
+            J[:, j] *= 2 * p[names[j]].value if inner in parameters.squared else 1.0
         return r, J
 
     def jacobian(p) -> np.ndarray:
@@ -82,7 +82,7 @@ def to_lmfit(result: Fit) -> Any:
         def least_squares(self, params=None, max_nfev=None, **kws):
             return super().least_squares(params, max_nfev, **({"jac": jacobian} | kws))
 
-    return Exact(lambda p: at(p)[0], parameters, scale_covar=not objective.absolute)
+    return Exact(lambda p: at(p)[0], table, scale_covar=not objective.absolute)
 
 
 def to_minuit(result: Fit) -> Any:
@@ -114,31 +114,36 @@ def to_minuit(result: Fit) -> Any:
     minuit.errordef = 1.0
     minuit.errors = [max(result[name].stderr, 1e-8) if np.isfinite(result[name].stderr) else 0.1
                      for name in objective.names]  # fmt: skip
-    for name, inner in zip(objective.names, objective.space.free, strict=True):
-        if inner in objective.space.positive:
+    for name, inner in zip(objective.names, objective.parameters.free, strict=True):
+        if inner in objective.parameters.positive:
             minuit.limits[name] = (1e-9, None)
     return minuit
 
 
 def _unknowns(objective: Objective, shown: np.ndarray) -> np.ndarray:
-    return np.array([objective.space.hidden(name, value) for name, value in zip(objective.names, shown, strict=True)])
+    return np.array(
+        [
+            objective.parameters.unconstrained_value(name, value)
+            for name, value in zip(objective.names, shown, strict=True)
+        ]
+    )
 
 
 def _slopes(objective: Objective, u: np.ndarray) -> list[float]:
     """How reported parameters follow what the solver sees."""
     found = []
-    for i, name in enumerate(objective.space.free):
-        if name in objective.space.positive:
+    for i, name in enumerate(objective.parameters.free):
+        if name in objective.parameters.positive:
             found.append(float(np.exp(u[i])))
-        elif name in objective.space.squared:
-            found.append((-0.5 if name in objective.space.negative else 0.5) / float(np.sqrt(max(u[i], 1e-300))))
+        elif name in objective.parameters.squared:
+            found.append((-0.5 if name in objective.parameters.negative else 0.5) / float(np.sqrt(max(u[i], 1e-300))))
         else:
             found.append(1.0)
     return found
 
 
 def _values(objective: Objective, shown: np.ndarray) -> np.ndarray:
-    return np.asarray(objective.space.natural(jnp.asarray(_unknowns(objective, shown))))
+    return np.asarray(objective.parameters.constrained(jnp.asarray(_unknowns(objective, shown))))
 
 
 def _table_residual(objective: Objective, shown: np.ndarray) -> np.ndarray:

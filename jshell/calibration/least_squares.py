@@ -42,8 +42,8 @@ class SolverResult(eqx.Module):
 
 def value_and_jacobian(function: Callable, at: Float[Array, " free"]) -> tuple[Any, Any]:
     """A function of arrays and its Jacobian (…, free) in one forward sweep."""
-    push = lambda direction: jax.jvp(function, (at,), (direction,))  # noqa: E731
-    return jax.vmap(push, out_axes=(None, -1))(jnp.eye(at.size))
+    pushforward = lambda direction: jax.jvp(function, (at,), (direction,))  # noqa: E731
+    return jax.vmap(pushforward, out_axes=(None, -1))(jnp.eye(at.size))
 
 
 class SearchOptions(TypedDict, total=False):
@@ -88,7 +88,7 @@ class _Descent(NamedTuple):
     trial: Any
     promised: Any
     usable: Any
-    verdict: Any
+    next_status: Any
 
 
 def _triangle(both: Float[Array, "rows columns"], free: int) -> tuple[jax.Array, jax.Array, jax.Array]:
@@ -112,7 +112,7 @@ def _begun(start: Float[Array, " free"], damping: Any) -> _Descent:
 
 def _judged(search: _Descent, seen: tuple, low, high, xtol, ftol, pulled: Callable | None = None) -> _Descent:
     """Judge the trial by what was seen there, then draw up the next one from where that leaves us."""
-    u, cost, R, q, scale, damping, growth, count, _, trial, promised, usable, verdict = search
+    u, cost, R, q, scale, damping, growth, count, _, trial, promised, usable, next_status = search
     new_cost, new_R, new_q = seen
     first = count < 0
     better = first | ((new_cost < cost) & usable)
@@ -136,8 +136,8 @@ def _judged(search: _Descent, seen: tuple, low, high, xtol, ftol, pulled: Callab
     straight = -(right.T @ (share * s / (s**2 + damping))) / weight
     curved, gentle = jnp.zeros(u.size), jnp.asarray(True)
     if pulled is not None:
-        pull = jnp.where(held, 0.0, pulled(u, straight)) / weight
-        curved = -(right.T @ ((right @ pull) / (s**2 + damping))) / weight
+        pullback = jnp.where(held, 0.0, pulled(u, straight)) / weight
+        curved = -(right.T @ ((right @ pullback) / (s**2 + damping))) / weight
         gentle = jnp.linalg.norm(weight * curved) <= 0.75 * jnp.linalg.norm(weight * straight)
         curved = jnp.where(gentle, curved, 0.0)
     wanted = u + straight + curved / 2
@@ -162,7 +162,7 @@ def _judged(search: _Descent, seen: tuple, low, high, xtol, ftol, pulled: Callab
     status = jnp.where(jnp.any(length < 1e-12 * scale) & (status != RUNNING), int(Outcome.STALLED), status)
     status = jnp.where(jnp.isfinite(cost), status, int(Outcome.NOT_FINITE))
     usable = ((promised > 0) | (pulled is not None)) & gentle
-    return _Descent(u, cost, R, q, scale, damping, growth, count + 1, verdict, trial, promised, usable, status)
+    return _Descent(u, cost, R, q, scale, damping, growth, count + 1, next_status, trial, promised, usable, status)
 
 
 def _ended(search: _Descent, low, high) -> SolverResult:
@@ -232,7 +232,7 @@ def levenberg_marquardt(
 
 
 def step_by_step(
-    look: Callable[[np.ndarray], np.ndarray],
+    evaluate: Callable[[np.ndarray], np.ndarray],
     start: Float[np.ndarray, " free"],
     low: Float[np.ndarray, " free"],
     high: Float[np.ndarray, " free"],
@@ -244,12 +244,12 @@ def step_by_step(
     """The same search where the residual is no JAX function: one that runs programs of its own, or keeps what it saw.
 
     Args:
-        look: From the unknowns to (free + 1, free + 1) the triangular factor of [J, r], NaN where there is none.
+        evaluate: From the unknowns to (free + 1, free + 1) the triangular factor of [J, r], NaN where there is none.
         start, low, high, max_steps, xtol, ftol: As in `levenberg_marquardt`.
     """
     search = _start(start, 1e-3)
     while int(search.status) == RUNNING and int(search.count) < max_steps:
-        search = _next(search, look(np.asarray(search.trial)), low, high, xtol, ftol)
+        search = _next(search, evaluate(np.asarray(search.trial)), low, high, xtol, ftol)
     return _end(search, low, high)
 
 
@@ -284,15 +284,15 @@ def from_many_starts(
     return jax.lax.map(solve, starts) if options.get("condensed") else solve(starts)
 
 
-def best_of(ending: SolverResult, size: float) -> tuple[int, np.ndarray]:
+def best_of(solution: SolverResult, size: float) -> tuple[int, np.ndarray]:
     """The start that ended lowest, and which starts ended as low.
 
     Args:
-        ending: From `from_many_starts`.
+        solution: From `from_many_starts`.
         size: Sum of squares of the data as the residual weighs them, to tell zero from rounding.
     """
-    cost = np.asarray(ending.cost)
-    outcome = np.asarray(ending.outcome)
+    cost = np.asarray(solution.cost)
+    outcome = np.asarray(solution.outcome)
     ended = (outcome == Outcome.OK) | (outcome == Outcome.AT_BOUND)
     ranked = np.where(np.isfinite(cost), cost, np.inf)
     best = int(np.argmin(np.where(ended, ranked, np.inf))) if ended.any() else int(np.argmin(ranked))

@@ -10,7 +10,7 @@ import dataclasses
 import equinox as eqx
 import numpy as np
 
-from jshell.calibration.losses import Problem
+from jshell.calibration.losses import TraceModel
 from jshell.calibration.records import Record
 
 SHORTEST = 256
@@ -21,28 +21,28 @@ def common_length(count: int) -> int:
     return max(SHORTEST, 1 << (count - 1).bit_length())
 
 
-def lengthened(problem: Problem) -> Problem:
+def lengthened(model: TraceModel) -> TraceModel:
     """The same problem with records of common lengths; as it is where an adaptive solver would have to run on."""
-    if problem.solver != "exact":
-        return problem
-    return eqx.tree_at(lambda p: p.records, problem, tuple(_lengthened(one) for one in problem.records))
+    if model.solver != "exact":
+        return model
+    return eqx.tree_at(lambda p: p.records, model, tuple(_lengthened(one) for one in model.records))
 
 
-def own_rows(problem: Problem) -> list[np.ndarray]:
+def own_rows(model: TraceModel) -> list[np.ndarray]:
     """Per block of linear parameters, marks on the rows of `lengthened` that are the problem's own."""
     found = []
-    for short, long in zip(problem.records, lengthened(problem).records, strict=True):
+    for short, long in zip(model.records, lengthened(model).records, strict=True):
         mark = np.arange(long.elapsed.size) < short.elapsed.size
         channels = len(short.channels)
-        found += [np.tile(mark, channels)] if problem.loss == "strict" else [mark] * channels
+        found += [np.tile(mark, channels)] if model.loss == "strict" else [mark] * channels
     return found
 
 
-def without_data(problem: Problem) -> Problem:
+def without_data(model: TraceModel) -> TraceModel:
     """The same problem with records of no sample, for what depends on their conditions alone."""
     blank = np.zeros(0)
-    records = tuple(dataclasses.replace(one, elapsed=blank, data=blank, weight=blank) for one in problem.records)
-    return eqx.tree_at(lambda p: p.records, problem, records)
+    records = tuple(dataclasses.replace(one, elapsed=blank, data=blank, weight=blank) for one in model.records)
+    return eqx.tree_at(lambda p: p.records, model, records)
 
 
 def _lengthened(record: Record) -> Record:

@@ -37,7 +37,7 @@ PASSES = 3  # values, first and second derivatives
 LOST = 1e-14  # share of the largest squared length below which a direction of the basis is rounding
 
 
-class Problem(eqx.Module):
+class TraceModel(eqx.Module):
     """Records, and how they are to be compared with the oscillator.
 
     Attributes:
@@ -81,38 +81,38 @@ class Problem(eqx.Module):
 
 
 def bases(
-    natural: Float[Array, " names"], problem: Problem, *, late: bool = False
+    constants: Float[Array, " names"], model: TraceModel, *, late: bool = False
 ) -> list[Float[Array, "data linear"]]:
     """Weighted bases of the blocks that share linear parameters: one per trace (strict) or per channel (modal).
 
     Args:
-        natural: The constants.
-        problem: Records and how they are compared.
+        constants: The constants.
+        model: Records and how they are compared.
         late: Whether the records' times begin later than the state that is eliminated.
     """
     blocks = []
-    for number, record in enumerate(problem.records):
-        if problem.loss == "strict":
-            blocks.append(_strict_basis(natural, record, problem, late))
+    for number, record in enumerate(model.records):
+        if model.loss == "strict":
+            blocks.append(_strict_basis(constants, record, model, late))
         else:
-            plain = _modal_basis(natural[:3], natural[3 + number], record)
+            plain = _modal_basis(constants[:3], constants[3 + number], record)
             blocks += [row[:, None] * plain for row in record.weight]
     return blocks
 
 
-def targets(problem: Problem) -> list[Float[Array | np.ndarray, " data"]]:
+def targets(model: TraceModel) -> list[Float[Array | np.ndarray, " data"]]:
     """Weighted data (data,) of the same blocks."""
     found = []
-    for record in problem.records:
+    for record in model.records:
         rows = record.weight * record.data
-        found += [rows.ravel()] if problem.loss == "strict" else list(rows)
+        found += [rows.ravel()] if model.loss == "strict" else list(rows)
     return found
 
 
-def projected(natural: Float[Array, " names"], problem: Problem) -> Float[Array, " data"]:
+def projected(constants: Float[Array, " names"], model: TraceModel) -> Float[Array, " data"]:
     """Weighted residual with the best linear parameters."""
     return jnp.concatenate(
-        [linear_residual(basis, data) for basis, data in zip(bases(natural, problem), targets(problem), strict=True)]
+        [linear_residual(basis, data) for basis, data in zip(bases(constants, model), targets(model), strict=True)]
     )
 
 
@@ -150,28 +150,28 @@ def gram_inverse(gram: Float[Array, "linear linear"]) -> Float[Array, "linear li
     return jnp.where(finite, inverse, jnp.nan)
 
 
-def trace_loss(natural: Float[Array, " names"], problem: Problem) -> Float[Array, ""]:
+def trace_loss(constants: Float[Array, " names"], model: TraceModel) -> Float[Array, ""]:
     """Half the sum of squared weighted residuals, linear parameters eliminated; differentiable both ways."""
-    r = projected(natural, problem)
+    r = projected(constants, model)
     return 0.5 * (r @ r)
 
 
-def best_linear(natural: Float[Array | np.ndarray, " names"], problem: Problem) -> list[np.ndarray]:
+def best_linear(constants: Float[Array | np.ndarray, " names"], model: TraceModel) -> list[np.ndarray]:
     """Linear parameters at given constants, one array per block."""
-    return [np.asarray(c) for c in _best_linear(natural, problem)]
+    return [np.asarray(c) for c in _best_linear(constants, model)]
 
 
 @eqx.filter_jit
-def _best_linear(natural: np.ndarray | jax.Array, problem: Problem) -> list[jax.Array]:
-    rows = zip(bases(jnp.asarray(natural), problem), targets(problem), strict=True)
+def _best_linear(constants: np.ndarray | jax.Array, model: TraceModel) -> list[jax.Array]:
+    rows = zip(bases(jnp.asarray(constants), model), targets(model), strict=True)
     return [solve_linear(basis, data) for basis, data in rows]
 
 
-def linear_names(problem: Problem) -> list[str]:
+def linear_names(model: TraceModel) -> list[str]:
     """Names of the linear parameters, in the order of `best_linear`."""
     names = []
-    for number, record in enumerate(problem.records, 1):
-        if problem.loss == "strict":
+    for number, record in enumerate(model.records, 1):
+        if model.loss == "strict":
             parts = ["ΔV", "ΔS", "dV/dt", "dS/dt", "V at rest", "S at rest"]
         else:
             waves = ("at rest", "slow cos", "slow sin", "fast cos", "fast sin")
@@ -180,18 +180,18 @@ def linear_names(problem: Problem) -> list[str]:
     return names
 
 
-def strict_coefficients(natural: Float[Array, " names"], problem: Problem) -> Coefficients:
+def strict_coefficients(constants: Float[Array, " names"], model: TraceModel) -> Coefficients:
     """The oscillator's constants of the strict loss."""
-    beta2 = None if problem.tied else natural[4]
-    return Coefficients(natural[0], natural[1], natural[2], natural[3], beta2, problem.dipole)
+    beta2 = None if model.tied else constants[4]
+    return Coefficients(constants[0], constants[1], constants[2], constants[3], beta2, model.dipole)
 
 
-def _strict_basis(natural: jax.Array, record: Record, problem: Problem, late: bool) -> Float[Array, "data 6"]:
+def _strict_basis(constants: jax.Array, record: Record, model: TraceModel, late: bool) -> Float[Array, "data 6"]:
     """Motion of V, then S, from each unit of the initial state; and a constant for each."""
-    system = matrices(strict_coefficients(natural, problem), record.state, record.conditions)
+    system = matrices(strict_coefficients(constants, model), record.state, record.conditions)
     elapsed, count = jnp.asarray(record.elapsed), record.elapsed.size
-    if problem.solver == "diffrax":
-        options = integrator.Scheme(problem.rtol, problem.atol, adjoint=problem.adjoint)
+    if model.solver == "diffrax":
+        options = integrator.Scheme(model.rtol, model.atol, adjoint=model.adjoint)
         found = integrator.integrate(_advance, jnp.eye(4), elapsed, options, args=state_matrix(system))
         motion = jnp.asarray(found.samples)
     elif record.uniform:
@@ -209,7 +209,7 @@ def _advance(t, y, A):
     return A @ y
 
 
-def pulsations(constants: Float[Array, "3"], record: Record) -> Float[Array, "2"]:
+def angular_frequencies(constants: Float[Array, "3"], record: Record) -> Float[Array, "2"]:
     """Squared ω-, ω+ of a record's shell; constants (alpha1, alpha2, k_vs²)."""
     V, P = record.state
     K_A = moduli(record.conditions.thickness, record.conditions.poisson_ratio).area
@@ -220,7 +220,7 @@ def pulsations(constants: Float[Array, "3"], record: Record) -> Float[Array, "2"
 
 def _modal_basis(constants: jax.Array, tau: jax.Array, record: Record) -> Float[Array, "times 5"]:
     """A constant and two decaying sinusoids; Ω² = ω² - 1/τ², kept above a ten-thousandth."""
-    frequency = jnp.sqrt(jnp.maximum(pulsations(constants, record) - 1 / tau**2, 1e-4))
+    frequency = jnp.sqrt(jnp.maximum(angular_frequencies(constants, record) - 1 / tau**2, 1e-4))
     t = jnp.asarray(record.elapsed)
     decay = jnp.exp(-t / tau)
     slow, fast = frequency[0] * t, frequency[1] * t

@@ -5,7 +5,7 @@ a direction of them free, two shapes or pressures do not. The start comes from
 the data: the sum of the squared frequencies is linear in 1/α1 and 1/α2, their
 product gives k_VS².
 
-Symbols    ω-, ω+ pulsations [sqrt(E d/(ρ_f R0³))]   V_e volume [R0³], P_e pressure [E d/R0] at rest
+Symbols    ω-, ω+ angular frequencies [sqrt(E d/(ρ_f R0³))]   V_e volume [R0³], P_e pressure [E d/R0] at rest
 Valid for  undamped frequencies, ω² = Ω² + 1/τ²
 Source     Mokbel et al. 2021: eq:defw, fig:w
 """
@@ -80,37 +80,46 @@ def fit_frequencies(
     given = FitOptions("frequencies", weighting=weighting, fix=fix or {}, bounds=bounds or {}, starts=starts, seed=seed)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", RangeWarning)
-        ready = prepare(table)
+        records = prepare(table)
     _again(caught)
-    rows = ready.rows
-    space = parameters_of_table(fix, bounds)
+    rows = records.rows
+    parameters = parameters_of_table(fix, bounds)
 
     first = start_from_data(rows, fix)
-    natural = scatter(first, starts, seed)
+    constrained = scatter(first, starts, seed)
     if not np.isfinite(rows.omega).any():
         raise BadValue("table", found="no usable frequency", expected="at least one", remedy="Check the columns.")
-    ending = from_many_starts(
-        table_residual, (space, rows, weighting), jnp.asarray(space.seen(natural)), *_limits(space)
+    solution = from_many_starts(
+        table_residual,
+        (parameters, rows, weighting),
+        jnp.asarray(parameters.unconstrained(constrained)),
+        *_limits(parameters),
     )
-    best, same = best_of(ending, _square_size(rows, weighting))
+    best, same = best_of(solution, _square_size(rows, weighting))
     if starts and same.sum() < LEAST_AGREEING:
         # the others may all have ended where k_VS is 0: starts around the best tell whether it is found again
-        nearer = scatter(np.asarray(space.natural(ending.unknowns[best])), starts, seed + 1, NEARER)
+        nearer = scatter(np.asarray(parameters.constrained(solution.unknowns[best])), starts, seed + 1, NEARER)
         again = from_many_starts(
-            table_residual, (space, rows, weighting), jnp.asarray(space.seen(nearer)), *_limits(space)
+            table_residual,
+            (parameters, rows, weighting),
+            jnp.asarray(parameters.unconstrained(nearer)),
+            *_limits(parameters),
         )
         if best_of(again, _square_size(rows, weighting))[1].sum() >= LEAST_AGREEING:
-            ending, natural = again, nearer
-    found = _result(ready, space, weighting, ending, natural, [str(w.message) for w in caught])
+            solution, constrained = again, nearer
+    found = _result(records, parameters, weighting, solution, constrained, [str(w.message) for w in caught])
     if found.outcome == Outcome.OK:
         other = next(name for name in WEIGHTINGS if name != weighting)
-        ending = from_many_starts(
-            table_residual, (space, rows, other), jnp.asarray(space.seen(natural)), *_limits(space)
+        solution = from_many_starts(
+            table_residual,
+            (parameters, rows, other),
+            jnp.asarray(parameters.unconstrained(constrained)),
+            *_limits(parameters),
         )
-        second = _result(ready, space, other, ending, natural, [])
+        second = _result(records, parameters, other, solution, constrained, [])
         if second.outcome == Outcome.OK:
-            told = weightings_apart(found.estimates, second.estimates, other)
-            found = dataclasses.replace(found, warnings=(*found.warnings, *told))
+            words = weightings_apart(found.estimates, second.estimates, other)
+            found = dataclasses.replace(found, warnings=(*found.warnings, *words))
     for text in found.warnings[len({str(w.message) for w in caught}) :]:
         warnings.warn(text, FitWarning, stacklevel=2)
     return dataclasses.replace(found, specification=given, versions=versions())
@@ -133,8 +142,8 @@ def scatter(first: np.ndarray, count: int, seed: int, share: float = 1.0) -> np.
     return np.vstack([first, first * np.exp(spread * random.standard_normal((count, first.size)))])
 
 
-def _limits(space: Unknowns) -> tuple[jax.Array, jax.Array]:
-    return jnp.asarray(space.low), jnp.asarray(space.high)
+def _limits(parameters: Unknowns) -> tuple[jax.Array, jax.Array]:
+    return jnp.asarray(parameters.low), jnp.asarray(parameters.high)
 
 
 def _again(caught: list) -> None:
@@ -143,27 +152,27 @@ def _again(caught: list) -> None:
 
 
 def _result(
-    ready: Prepared,
-    space: Unknowns,
+    records: Prepared,
+    parameters: Unknowns,
     weighting: str,
-    ending: SolverResult,
-    natural: np.ndarray,
+    solution: SolverResult,
+    constrained: np.ndarray,
     caught: list[str],
 ) -> FitResult:
-    rows = ready.rows
+    rows = records.rows
     measured = int(np.isfinite(rows.omega).sum())
-    best, same = best_of(ending, _square_size(rows, weighting))
-    values = np.asarray(space.natural(ending.unknowns[best]))
-    shown, begin = space.reported(values), space.reported(natural[best])
+    best, same = best_of(solution, _square_size(rows, weighting))
+    values = np.asarray(parameters.constrained(solution.unknowns[best]))
+    shown, begin = parameters.reported(values), parameters.reported(constrained[best])
 
     r, J = value_and_jacobian(lambda p: weighted(p, rows, weighting), jnp.asarray(values))
-    J = np.asarray(J) * space.stretch(shown)
-    free, names = [NAMES.index(name) for name in space.free], space.free
-    errors = uncertainty(J[:, free], np.asarray(r), shown[free], count=measured, absolute=ready.absolute)
+    J = np.asarray(J) * parameters.stretch(shown)
+    free, names = [NAMES.index(name) for name in parameters.free], parameters.free
+    errors = uncertainty(J[:, free], np.asarray(r), shown[free], count=measured, absolute=records.absolute)
 
-    outcome = Outcome(int(ending.outcome[best]))
+    outcome = Outcome(int(solution.outcome[best]))
     # k_VS² = 0 holds a second minimum of its own, volume the slow motion where it should be the fast one
-    uncoupled = ~same & (np.asarray(ending.outcome) == Outcome.AT_BOUND) & (outcome == Outcome.OK)
+    uncoupled = ~same & (np.asarray(solution.outcome) == Outcome.AT_BOUND) & (outcome == Outcome.OK)
     texts = list(caught)
     directions = tuple(in_words(direction, names) for direction in errors.null)
     if directions and outcome in (Outcome.OK, Outcome.AT_BOUND) and shown[2] != 0:
@@ -172,16 +181,16 @@ def _result(
     elif not (same | uncoupled).all() or same.sum() < min(len(same), LEAST_AGREEING):
         outcome = Outcome.STALLED if outcome == Outcome.OK else outcome
         texts.append(f"only {same.sum()} of {len(same)} starts ended in the best minimum")
-    notes = [*ready.notes, square_only(space)]
+    notes = [*records.notes, square_only(parameters)]
     if uncoupled.any():
         notes.append(f"{uncoupled.sum()} starts ended higher, at k_VS = 0 with the roles of the two masses exchanged")
-    if outcome == Outcome.AT_BOUND and shown[2] == 0 and "k_vs" in space.free:
+    if outcome == Outcome.AT_BOUND and shown[2] == 0 and "k_vs" in parameters.free:
         texts.append("k_VS² ended at 0: the frequencies would have it negative")
 
     undetermined = open_constants(names, shown[free], errors, outcome)
     if outcome == Outcome.OK:
         found = np.asarray(model(jnp.asarray(values), rows))
-        texts += misfits_of_table(np.asarray(r), found, rows, len(names), ready.absolute)
+        texts += misfits_of_table(np.asarray(r), found, rows, len(names), records.absolute)
 
     return FitResult(
         title=f"Master curve of {rows.omega.shape[0]} shells, residual in {weighting}",
@@ -195,12 +204,14 @@ def _result(
         chi_square=float(r @ r),
         n_data=measured,
         n_varied=len(names),
-        absolute=ready.absolute,
+        absolute=records.absolute,
         free_directions=directions,
-        starts=starts_of(ending, natural, same),
+        starts=starts_of(solution, constrained, same),
         notes=tuple(notes),
         warnings=tuple(texts),
-        table=ready.columns,
+        table=records.columns,
         minimum=tuple(float(x) for x in values) if undetermined else (),
-        objective=Objective(table_residual, (space, rows, weighting), space, values, ready.absolute, measured),
+        minimised=Objective(
+            table_residual, (parameters, rows, weighting), parameters, values, records.absolute, measured
+        ),
     )

@@ -13,10 +13,10 @@ import equinox as eqx
 import jax
 import numpy as np
 
-from jshell.calibration.joint import Joint, Piece
 from jshell.calibration.lengths import without_data
 from jshell.calibration.losses import strict_coefficients
 from jshell.calibration.noise import MISFIT, Noise, rough_share
+from jshell.calibration.problem import Problem, Term
 from jshell.calibration.records import Record
 from jshell.calibration.sampling import noise_of
 from jshell.oscillator.linear import matrices, squares, state_matrix
@@ -25,13 +25,13 @@ from jshell.trace import Trace
 
 EXPLAINED = 2.0  # within this factor a memory φ must predict what six differences leave of its noise
 DRIFTS = 0.5  # share of what is left that a cubic in time takes, from which it is called a drift
-HEARD = 50.0  # of one mode, in χ²: a mode fitted to noise alone takes about 20, and 30 once in a thousand
+IDENTIFIED = 50.0  # of one mode, in χ²: a mode fitted to noise alone takes about 20, and 30 once in a thousand
 
 
-def rows_of(joint: Joint) -> list[tuple[int, int, slice]]:
+def rows_of(problem: Problem) -> list[tuple[int, int, slice]]:
     """Record, channel and rows of the residual, in its order."""
     found, at = [], 0
-    for number, record in enumerate(joint.problem.records):
+    for number, record in enumerate(problem.model.records):
         for channel in range(len(record.channels)):
             size = record.elapsed.size
             found.append((number, channel, slice(at, at + size)))
@@ -39,13 +39,13 @@ def rows_of(joint: Joint) -> list[tuple[int, int, slice]]:
     return found
 
 
-def misfits(joint: Joint, r: np.ndarray, cut: list[Trace], noises: list[Noise], robust: bool) -> list[str]:
+def misfits(problem: Problem, r: np.ndarray, cut: list[Trace], noises: list[Noise], robust: bool) -> list[str]:
     """Where the model leaves clearly more than the noise, in words."""
-    loss = joint.problem.loss
+    loss = problem.model.loss
     hint = "; the modal loss asks less of it" if loss == "strict" else ""
     texts = []
-    for (number, channel, rows), noise in zip(rows_of(joint), noises, strict=True):
-        one, trace = joint.problem.records[number], cut[number]
+    for (number, channel, rows), noise in zip(rows_of(problem), noises, strict=True):
+        one, trace = problem.model.records[number], cut[number]
         name = one.channels[channel]
         weight, values = np.asarray(one.weight[channel]), np.asarray(one.data[channel])
         used = weight > 0
@@ -135,29 +135,29 @@ def snaps(cut: list[Trace]) -> list[str]:
     return texts
 
 
-def mode_powers(piece: Piece, linear: list[np.ndarray], design: list[np.ndarray]) -> np.ndarray:
+def mode_powers(term: Term, linear: list[np.ndarray], design: list[np.ndarray]) -> np.ndarray:
     """χ² that slow and fast mode take of one trace beyond what the other could take.
 
     The other may have another amplitude in each channel, another frequency and another decay.
 
     Args:
-        piece: The trace.
+        term: The trace.
         linear: Linear parameters of its blocks.
         design: Weighted bases of its blocks.
     """
-    powers, one = np.zeros(2), piece.problem.records[0]
+    powers, one = np.zeros(2), term.model.records[0]
     times = np.asarray(one.elapsed)
-    if piece.problem.loss == "modal":
+    if term.model.loss == "modal":
         for basis, c in zip(design, linear, strict=True):
             powers += _apart([basis[:, 1:3], basis[:, 3:5]], [c[1:3], c[3:5]], basis[:, :1], times)
         return powers
-    values, vectors = np.linalg.eig(np.asarray(_motion(piece._replace(problem=without_data(piece.problem)))))
-    turning = np.flatnonzero(np.imag(values) > 0)
-    if turning.size < 2:
+    values, vectors = np.linalg.eig(np.asarray(_motion(term._replace(model=without_data(term.model)))))
+    oscillating = np.flatnonzero(np.imag(values) > 0)
+    if oscillating.size < 2:
         return np.full(2, np.inf)  # overdamped: no mode to speak of
     start, basis, columns, amplitudes = linear[0][:4], design[0], [], []
     inverse = np.linalg.inv(vectors)
-    for k in turning[np.argsort(np.abs(values[turning]))]:
+    for k in oscillating[np.argsort(np.abs(values[oscillating]))]:
         part, amplitude = vectors[:, k], 2 * (inverse[k] @ start)
         columns.append(basis[:, :4] @ np.stack([np.real(part), -np.imag(part)], axis=1))
         amplitudes.append(np.array([np.real(amplitude), np.imag(amplitude)]))
@@ -167,10 +167,10 @@ def mode_powers(piece: Piece, linear: list[np.ndarray], design: list[np.ndarray]
 
 
 @eqx.filter_jit
-def _motion(piece: Piece) -> jax.Array:
+def _motion(term: Term) -> jax.Array:
     """The first-order matrix of a trace's oscillator."""
-    one = piece.problem.records[0]
-    return state_matrix(matrices(strict_coefficients(piece.constants, piece.problem), one.state, one.conditions))
+    one = term.model.records[0]
+    return state_matrix(matrices(strict_coefficients(term.constants, term.model), one.state, one.conditions))
 
 
 def _apart(
@@ -187,29 +187,29 @@ def _apart(
     return np.array(powers)
 
 
-def silent_directions(joint: Joint, values: np.ndarray, slopes: np.ndarray, which: int) -> list[np.ndarray]:
-    """Relative changes of the free constants that leave the heard mode as it is.
+def silent_directions(problem: Problem, values: np.ndarray, slopes: np.ndarray, which: int) -> list[np.ndarray]:
+    """Relative changes of the free constants that leave the identified mode as it is.
 
     A mode shows its frequency, its decay and, where V and S are fitted, how much
     area goes with how much volume.
 
     Args:
-        joint: The problem.
+        problem: The problem.
         values: (names,) all parameters.
         slopes: (names, free) how they follow the free ones.
-        which: 0 where the slow mode is heard, 1 where the fast one is.
+        which: 0 where the slow mode is identified, 1 where the fast one is.
     """
 
     def shown(p: np.ndarray) -> np.ndarray:
         found = []
-        for places, one in zip(joint.places, joint.problem.records, strict=True):
+        for places, one in zip(problem.places, problem.model.records, strict=True):
             own = p[list(places)]
             V, P = (float(x) for x in one.state)
             kappa, nu = float(one.conditions.kappa), float(one.conditions.poisson_ratio)
-            k2 = own[2] if joint.problem.loss == "modal" else own[2] ** 2
+            k2 = own[2] if problem.model.loss == "modal" else own[2] ** 2
             w2 = squares(V, P, own[0], own[1], k2, kappa, 0.5 / (1 - nu))[which]
-            found += [w2, own[3] if joint.problem.loss == "modal" else own[3] / own[0]]
-            if joint.problem.loss == "strict":
+            found += [w2, own[3] if problem.model.loss == "modal" else own[3] / own[0]]
+            if problem.model.loss == "strict":
                 found.append((w2 * own[0] / (4 * np.pi) * V - kappa * P) / own[2])  # S over V, from the equation of V
         return np.array(found)
 

@@ -20,7 +20,7 @@ import numpy as np
 import scipy.fft
 import scipy.special
 
-REMEMBERS = 4.0  # standard errors by which lag-1 or runs must leave white noise: 6 in 100 000 by chance
+CORRELATED = 4.0  # standard errors by which lag-1 or runs must leave white noise: 6 in 100 000 by chance
 STRONGEST = 0.998  # memory beyond which a record is all drift
 COHERENT = 1e-6  # chance of so large a peak, or of so uneven an envelope, in noise
 MISFIT = 1.5  # residual over noise beyond which a model does not describe a record: of a hundred samples the scatter
@@ -29,7 +29,7 @@ MISFIT = 1.5  # residual over noise beyond which a model does not describe a rec
 
 def is_correlated(lag1_z: Any, runs_z: Any) -> Any:
     """Whether a residual fails the tests of white noise."""
-    return (lag1_z > REMEMBERS) | (runs_z < -REMEMBERS)
+    return (lag1_z > CORRELATED) | (runs_z < -CORRELATED)
 
 
 def is_coherent(peak: Any, envelope: Any) -> Any:
@@ -168,7 +168,7 @@ def steps_between(times: np.ndarray, used: np.ndarray | None = None) -> np.ndarr
     return steps
 
 
-def remembered(phi: float, steps: np.ndarray) -> np.ndarray:
+def ar1_memory(phi: float, steps: np.ndarray) -> np.ndarray:
     """φ over steps of other lengths than one."""
     with np.errstate(divide="ignore"):
         return np.exp(np.log(max(phi, 1e-300)) * steps) if phi > 0 else np.zeros(steps.size)
@@ -193,7 +193,7 @@ def estimate_memory(left: np.ndarray, jacobian: np.ndarray, steps: np.ndarray) -
         return 0.0
 
     def cost(phi: float) -> float:
-        memory = remembered(phi, steps)
+        memory = ar1_memory(phi, steps)
         r, B = whiten(left, memory), whiten(basis, memory)
         q, upper = np.linalg.qr(B)
         rest = r - q @ (q.T @ r)
@@ -225,7 +225,7 @@ def examine(name: str, left: np.ndarray, jacobian: np.ndarray, times: np.ndarray
     memory, steps = 0.0, steps_between(times, used)
     if plain.correlated:
         memory = estimate_memory(left, jacobian, steps)
-    fresh = whiten(left, remembered(memory, steps))[used]
+    fresh = whiten(left, ar1_memory(memory, steps))[used]
     effective = kept.size * (1 - memory) / (1 + memory)
     peak, envelope = float(peak_chance(fresh)), envelope_chance(fresh)
     return Noise(name, kept.size, plain.lag1, plain.lag1_z, plain.runs_z, memory, effective, peak, envelope)

@@ -131,8 +131,8 @@ def fit_nonlinear(traces: Trace | Sequence[Trace], *, solver: str = "rk4", max_s
     safe = np.where(usable, starts, np.array([1.0, 0.0, 0.1, 1.0, 0.0, 0.0, 0.0, 0.0])[:, None])
     queue = jnp.asarray(np.argsort(fastest))  # side by side: traces that cost the adaptive solver as many steps
     ended = _descend(lanes, jnp.asarray(safe.T), queue, solver, substeps, max_steps)
-    told = f"rk4, {substeps} steps a sample" if solver == "rk4" else "diffrax dopri8"
-    return _result(jax.tree.map(np.asarray, ended), usable, np.asarray(state.volume), 2 * times.size, absolute, told)
+    words = f"rk4, {substeps} steps a sample" if solver == "rk4" else "diffrax dopri8"
+    return _result(jax.tree.map(np.asarray, ended), usable, np.asarray(state.volume), 2 * times.size, absolute, words)
 
 
 def _read(traces: list[Trace]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -168,7 +168,7 @@ def _read(traces: list[Trace]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _starts(times: np.ndarray, data: np.ndarray, weight: np.ndarray, conditions: list, state: RestState):
-    """(unknowns, traces) from the modes of each trace, NaN where there are none; and the fastest pulsation of each."""
+    """(unknowns, traces) from the modes of each trace, NaN where there are none; and the fastest ω of each."""
     elapsed = times - times[0]
     starts, fastest = np.full((UNKNOWNS, data.shape[2]), np.nan), np.ones(data.shape[2])
     V_e, P_e = (np.asarray(part) for part in state)
@@ -226,8 +226,8 @@ def _evaluate(u: jax.Array, lanes: Lanes, solver: str, substeps: int):
     """Cost (traces,), gradient (traces, 8) and JᵀJ (traces, 8, 8); an infinite cost where the motion is none."""
     if solver == "rk4":
         function = lambda u: _residual(u, lanes, substeps)  # noqa: E731
-        push = lambda k: jax.jvp(function, (u,), (jnp.zeros_like(u).at[k].set(1.0),))  # noqa: E731
-        r, J = jax.vmap(push, out_axes=(None, 0))(jnp.arange(UNKNOWNS))
+        pushforward = lambda k: jax.jvp(function, (u,), (jnp.zeros_like(u).at[k].set(1.0),))  # noqa: E731
+        r, J = jax.vmap(pushforward, out_axes=(None, 0))(jnp.arange(UNKNOWNS))
         cost = jnp.sum(r * r, axis=(0, 1))
         g = jnp.sum(J * r[None], axis=(1, 2)).T
         A = jnp.moveaxis(jnp.sum(J[:, None] * J[None], axis=(2, 3)), -1, 0)
@@ -245,7 +245,7 @@ def _evaluate(u: jax.Array, lanes: Lanes, solver: str, substeps: int):
     return jnp.where(sound, cost, jnp.inf), clean(g), clean(A)
 
 
-class _Search(NamedTuple):
+class _LaneState(NamedTuple):
     """Where the descent of each lane stands: unknowns, χ², JᵀJ; where it looks next and what that promises."""
 
     u: Float[Array, "lanes 8"]
@@ -271,12 +271,12 @@ class _Ended(NamedTuple):
     count: Any
 
 
-def _fresh(u: Float[Array, "lanes 8"]) -> _Search:
+def _fresh(u: Float[Array, "lanes 8"]) -> _LaneState:
     """A descent that looks at its start next."""
     none, square = jnp.zeros_like(u), jnp.zeros((*u.shape, UNKNOWNS))
     like, whole = none[:, 0], jnp.zeros(len(u), int)
     endless = like + jnp.inf
-    return _Search(u, endless, none, square, none, like + 1e-3, like + 2.0, u, endless, whole, whole + FRESH)
+    return _LaneState(u, endless, none, square, none, like + 1e-3, like + 2.0, u, endless, whole, whole + FRESH)
 
 
 def _solve(A: Float[Array, "lanes 8 8"], damped: Float[Array, "lanes 8"], g: Float[Array, "lanes 8"]):
@@ -287,7 +287,7 @@ def _solve(A: Float[Array, "lanes 8 8"], damped: Float[Array, "lanes 8"], g: Flo
     return moved, -(2 * jnp.sum(g * moved, axis=1) + jnp.einsum("li,lij,lj->l", moved, A, moved))
 
 
-def _improve(search: _Search, lanes: Lanes, solver: str, substeps: int, max_steps: int) -> _Search:
+def _improve(search: _LaneState, lanes: Lanes, solver: str, substeps: int, max_steps: int) -> _LaneState:
     """One step of Levenberg and Marquardt's method in every lane; the last, which promises next to nothing, unseen."""
     u, cost, g, A, scale, damping, growth, trial, promised, count, status = search
     fresh = status == FRESH
@@ -314,7 +314,7 @@ def _improve(search: _Search, lanes: Lanes, solver: str, substeps: int, max_step
     ended = jnp.where(jnp.isfinite(cost), ended, int(Outcome.STALLED))
     trial = u + moved
     u = jnp.where(settled[:, None], trial, u)
-    return _Search(u, cost, g, A, scale, damping, growth, trial, promised, count, ended)
+    return _LaneState(u, cost, g, A, scale, damping, growth, trial, promised, count, ended)
 
 
 @eqx.filter_jit

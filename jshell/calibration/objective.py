@@ -14,10 +14,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jshell.calibration import joint as joints
-from jshell.calibration.joint import Joint
+from jshell.calibration import problem as problems
 from jshell.calibration.least_squares import SolverResult, from_many_starts, value_and_jacobian
 from jshell.calibration.parameters import Unknowns
+from jshell.calibration.problem import Problem
 
 
 class Objective(eqx.Module):
@@ -26,7 +26,7 @@ class Objective(eqx.Module):
     Attributes:
         residual: Function of the unknowns and `args`, at module level; the last `priors` rows are of priors.
         args: Parameters and data.
-        space: The parameters.
+        parameters: The parameters.
         values: (names,) at the minimum.
         absolute: Whether the weights are known errors.
         count: Number of data.
@@ -38,7 +38,7 @@ class Objective(eqx.Module):
 
     residual: Callable = eqx.field(static=True)
     args: Any
-    space: Unknowns
+    parameters: Unknowns
     values: np.ndarray
     absolute: bool = eqx.field(static=True)
     count: int = eqx.field(static=True)
@@ -49,36 +49,45 @@ class Objective(eqx.Module):
 
     @staticmethod
     def of_traces(
-        joint: Joint,
-        space: Unknowns,
+        problem: Problem,
+        parameters: Unknowns,
         values: np.ndarray,
         absolute: bool,
         loss: str = "",
         share: tuple[np.ndarray, ...] | None = None,
     ) -> "Objective":
         """That of a trace fit."""
-        records = joint.problem.records
+        records = problem.model.records
         count = int(sum(np.sum(np.asarray(one.weight) > 0) for one in records))
-        strict = joint.problem.loss == "strict"
+        strict = problem.model.loss == "strict"
         linear = sum(6 if strict else 5 * len(one.channels) for one in records)
         return Objective(
-            joints.residual, (space, joint), space, values, absolute, count, linear, len(joint.prior_at), loss, share
+            problems.residual,
+            (parameters, problem),
+            parameters,
+            values,
+            absolute,
+            count,
+            linear,
+            len(problem.prior_at),
+            loss,
+            share,
         )
 
     @property
     def names(self) -> tuple[str, ...]:
         """The free parameters as a report names them."""
-        return self.space.free
+        return self.parameters.free
 
     @property
     def best(self) -> np.ndarray:
         """(free,) the minimum, as the solver sees it."""
-        return self.space.seen(np.asarray(self.values)[None])[0]
+        return self.parameters.unconstrained(np.asarray(self.values)[None])[0]
 
     @property
     def freedom(self) -> int:
         """Data less parameters."""
-        return max(1, self.count - len(self.space.free) - self.linear)
+        return max(1, self.count - len(self.parameters.free) - self.linear)
 
     @property
     def variance(self) -> float:
@@ -97,14 +106,14 @@ class Objective(eqx.Module):
 
     def shown(self, u: np.ndarray) -> np.ndarray:
         """Free parameters as reported, from what the solver sees; (..., free)."""
-        return self.space.shown(u)
+        return self.parameters.shown(u)
 
     def minimise(
         self, starts: np.ndarray, low: np.ndarray | None = None, high: np.ndarray | None = None
     ) -> SolverResult:
         """Minimise again from other places or within other bounds; the same compiled program for all."""
-        least = np.asarray(self.space.low if low is None else low)
-        most = np.asarray(self.space.high if high is None else high)
+        least = np.asarray(self.parameters.low if low is None else low)
+        most = np.asarray(self.parameters.high if high is None else high)
         inside = jnp.asarray(np.clip(starts, least, most))
         return from_many_starts(self.residual, self.args, inside, jnp.asarray(least), jnp.asarray(most), max_steps=100)
 

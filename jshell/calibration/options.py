@@ -197,9 +197,9 @@ def words_of(name: str) -> str:
     known = choices_of(name)
     if not known:
         return described(name)
-    told = [f"{key} ({words})" for key, words in known.items() if key is not None]
+    listed = [f"{key} ({words})" for key, words in known.items() if key is not None]
     usual = f"; {known[None]} by default" if None in known and name != "weighting" else ""
-    return f"{described(name)}: {' or '.join(told)}{usual}"
+    return f"{described(name)}: {' or '.join(listed)}{usual}"
 
 
 def choices_of(name: str) -> dict[Any, str]:

@@ -120,7 +120,7 @@ class Unknowns(eqx.Module):
     squared: frozenset[str] = eqx.field(static=True, default=frozenset())
     negative: frozenset[str] = eqx.field(static=True, default=frozenset())
 
-    def natural(self, unknowns: Float[Array | np.ndarray, " free"]) -> Any:
+    def constrained(self, unknowns: Float[Array | np.ndarray, " free"]) -> Any:
         """All values (names,), from what the solver sees; of NumPy where that is given and nothing is tied."""
         numbers = np if isinstance(unknowns, np.ndarray) else jnp
         values = []
@@ -178,16 +178,16 @@ class Unknowns(eqx.Module):
             columns.append(self._sign(name) * np.sqrt(np.maximum(value, 0.0)) if name in self.squared else value)
         return np.stack(columns, axis=-1)
 
-    def hidden(self, name: str, value: float) -> float:
+    def unconstrained_value(self, name: str, value: float) -> float:
         """What the solver sees of a free parameter."""
         value = value**2 if name in self.squared else value
         return float(np.log(value)) if name in self.positive else float(value)
 
-    def seen(self, natural: np.ndarray) -> np.ndarray:
+    def unconstrained(self, constrained: np.ndarray) -> np.ndarray:
         """What the solver sees, (starts, free), of (starts, names) values of the model; kept inside the bounds."""
         columns = []
         for name in self.free:
-            values = natural[:, self.names.index(name)]
+            values = constrained[:, self.names.index(name)]
             columns.append(np.log(np.maximum(values, 1e-12)) if name in self.positive else values)
         return np.clip(np.stack(columns, axis=1), self.low, self.high)
 
@@ -284,7 +284,7 @@ def check_parameters(place: str, given: Iterable[str], names: tuple[str, ...]) -
 
 def _in_order(names: tuple[str, ...], tie: Mapping[str, str | Tie]) -> tuple[tuple[str, Tie], ...]:
     """Ties so ordered that each reads only what is worked out before it."""
-    ready: list[tuple[str, Tie]] = []
+    ordered: list[tuple[str, Tie]] = []
     waiting = {name: Expression(given) if isinstance(given, str) else given for name, given in tie.items()}
     for name, given in waiting.items():
         for read in given.names if isinstance(given, Expression) else ():
@@ -298,5 +298,5 @@ def _in_order(names: tuple[str, ...], tie: Mapping[str, str | Tie]) -> tuple[tup
                 expected="ties that end at free or fixed parameters",
                 remedy="Free one of them.",
             )
-        ready += [(name, waiting.pop(name)) for name in open_]
-    return tuple(ready)
+        ordered += [(name, waiting.pop(name)) for name in open_]
+    return tuple(ordered)

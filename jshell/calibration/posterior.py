@@ -21,8 +21,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jshell.calibration.joint import Joint, blocks
 from jshell.calibration.objective import Objective
+from jshell.calibration.problem import Problem, blocks
 from jshell.calibration.rebuilt import objective_of
 from jshell.calibration.result import Fit
 from jshell.calibration.uncertainty import equal_tails
@@ -233,8 +233,8 @@ def _energy(z: jax.Array, data: tuple[Objective, jax.Array, jax.Array, jax.Array
     else:
         energy += 0.5 * chi_square
     args = objective.args
-    if isinstance(args[1], Joint):
-        for basis, _ in blocks(args[0].natural(u), args[1]):
+    if isinstance(args[1], Problem):
+        for basis, _ in blocks(args[0].constrained(u), args[1]):
             energy += 0.5 * jnp.linalg.slogdet(basis.T @ basis)[1]
-    inside = jnp.all((u >= objective.space.low) & (u <= objective.space.high))
+    inside = jnp.all((u >= objective.parameters.low) & (u <= objective.parameters.high))
     return jnp.where(inside & jnp.isfinite(energy), energy, jnp.inf)

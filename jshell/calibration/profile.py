@@ -158,12 +158,12 @@ class Walker:
 
     def away(self, i: int, value: float, start: np.ndarray) -> tuple[float, np.ndarray, bool]:
         """sqrt(Δχ²/s²) with one unknown held, the minimum there, and whether it was found."""
-        low, high = np.array(self.objective.space.low), np.array(self.objective.space.high)
+        low, high = np.array(self.objective.parameters.low), np.array(self.objective.parameters.high)
         low[i] = high[i] = value
-        ending = self.objective.minimise(start[None], low, high)
-        cost, ended = float(ending.cost[0]), Outcome(int(ending.outcome[0]))
+        solution = self.objective.minimise(start[None], low, high)
+        cost, ended = float(solution.cost[0]), Outcome(int(solution.outcome[0]))
         found = ended in (Outcome.OK, Outcome.AT_BOUND) and np.isfinite(cost)
-        return float(np.sqrt(max(cost - self.cost, 0.0) / self.variance)), np.asarray(ending.unknowns[0]), bool(found)
+        return float(np.sqrt(max(cost - self.cost, 0.0) / self.variance)), np.asarray(solution.unknowns[0]), bool(found)
 
     def interval(self, name: str) -> tuple[Interval, np.ndarray]:
         """Both ends, and the points looked at."""
@@ -181,7 +181,7 @@ class Walker:
             moved[i] = u
             return float(self.objective.shown(moved)[i]) if np.isfinite(u) else np.nan
 
-        if name in self.objective.space.negative:  # the solver sees the square, which grows the other way
+        if name in self.objective.parameters.negative:  # the solver sees the square, which grows the other way
             ends, reasons = ends[::-1], reasons[::-1]
         low, high = shown(ends[0]), shown(ends[1])
         rows = np.array(sorted((shown(u), d**2) for u, d in points if np.isfinite(u)))
@@ -194,7 +194,7 @@ class Walker:
         """Where the distance is reached, as the solver sees it."""
         if not (np.isfinite(error) and error > 0):
             return np.nan, "the data do not depend on it"
-        limit = float((self.objective.space.low if side < 0 else self.objective.space.high)[i])
+        limit = float((self.objective.parameters.low if side < 0 else self.objective.parameters.high)[i])
         inner, outer = (0.0, 0.0), None  # steps from the minimum in standard errors, and sqrt(Δχ²/s²)
         start, step = self.best, self.distance
         for _ in range(MOST_STEPS):

@@ -8,7 +8,7 @@ from jshell.calibration.frequency_table import prepare
 from jshell.calibration.objective import Objective
 from jshell.calibration.options import FitOptions
 from jshell.calibration.parameters import Unknowns
-from jshell.calibration.problem import problem_of
+from jshell.calibration.preparation import problem_of
 from jshell.calibration.result import Fit
 from jshell.calibration.robust import reweighed
 from jshell.errors import BadValue
@@ -20,10 +20,10 @@ def objective_of(result: Fit) -> Objective:
     Raises:
         BadValue: The result says no options, or a tie of it is a function, which no file holds.
     """
-    if result.objective is None:
-        object.__setattr__(result, "objective", _rebuilt(result))
-    assert result.objective is not None
-    return result.objective
+    if result.minimised is None:
+        object.__setattr__(result, "minimised", _rebuilt(result))
+    assert result.minimised is not None
+    return result.minimised
 
 
 def _rebuilt(result: Fit) -> Objective:
@@ -45,27 +45,27 @@ def _rebuilt(result: Fit) -> Objective:
                 expected="arithmetic as text",
                 remedy="Fit result.traces again with the function.",
             )
-    joint, space, _, _ = problem_of(list(result.traces), options)
-    values = _values(result, space)
+    problem, parameters, _, _ = problem_of(list(result.traces), options)
+    values = _values(result, parameters)
     if options.robust is None:
-        joint = with_memory(joint, result.noise) if any(one.memory > 0 for one in result.noise) else joint
-        return Objective.of_traces(joint, space, values, result.absolute)
-    moved, _, weights = reweighed(options.robust, joint, np.asarray(result.residual))
+        problem = with_memory(problem, result.noise) if any(one.memory > 0 for one in result.noise) else problem
+        return Objective.of_traces(problem, parameters, values, result.absolute)
+    moved, _, weights = reweighed(options.robust, problem, np.asarray(result.residual))
     share = tuple(np.sqrt(one) for one in weights)
-    return Objective.of_traces(moved, space, values, result.absolute, options.robust, share)
+    return Objective.of_traces(moved, parameters, values, result.absolute, options.robust, share)
 
 
 def _of_table(result: Fit, options: FitOptions) -> Objective:
     assert options.weighting is not None
-    ready = prepare(result.table)
-    space = parameters_of_table(options.fix, options.bounds)
-    args = (space, ready.rows, options.weighting)
-    return Objective(table_residual, args, space, _values(result, space), result.absolute, result.n_data)
+    records = prepare(result.table)
+    parameters = parameters_of_table(options.fix, options.bounds)
+    args = (parameters, records.rows, options.weighting)
+    return Objective(table_residual, args, parameters, _values(result, parameters), result.absolute, result.n_data)
 
 
-def _values(result: Fit, space: Unknowns) -> np.ndarray:
+def _values(result: Fit, parameters: Unknowns) -> np.ndarray:
     """(names,) the minimum, as the model sees it."""
     if result.minimum:
         return np.array(result.minimum)
     known = {one.name: one.value for one in result.estimates}
-    return np.array([known[name] ** 2 if name in space.squared else known[name] for name in space.names])
+    return np.array([known[name] ** 2 if name in parameters.squared else known[name] for name in parameters.names])

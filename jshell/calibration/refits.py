@@ -19,9 +19,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from jshell.calibration.frequency_table import prepare
-from jshell.calibration.joint import Joint
 from jshell.calibration.least_squares import levenberg_marquardt
 from jshell.calibration.objective import Objective, evaluate
+from jshell.calibration.problem import Problem
 from jshell.calibration.rebuilt import objective_of
 from jshell.calibration.resampling import resample
 from jshell.calibration.result import Fit
@@ -117,7 +117,7 @@ def bootstrap(result: Fit, count: int = 500, *, seed: int = 0, kind: str = "auto
     choose("kind", kind, KINDS)
     if count < 20:
         raise BadValue("count", found=f"{count}", expected="at least 20", remedy="Ask for 500.")
-    if not isinstance(objective.args[1], Joint):
+    if not isinstance(objective.args[1], Problem):
         return _shells(result, objective, count, seed)
     if kind == "auto":
         kind = "normal" if objective.absolute and not objective.loss else "residuals"
@@ -144,7 +144,7 @@ def _left(objective: Objective) -> list[np.ndarray]:
     """Per record, (channels, times) residual over σ, its memory and the weights of a robust loss taken out."""
     r = np.asarray(evaluate(objective.residual, objective.args, jnp.asarray(objective.best)))
     found, at = [], 0
-    for number, record in enumerate(objective.args[1].problem.records):
+    for number, record in enumerate(objective.args[1].model.records):
         shape = np.shape(record.data)
         block = r[at : at + int(np.prod(shape))].reshape(shape)
         found.append(block if objective.share is None else block / np.asarray(objective.share[number]))
@@ -165,12 +165,12 @@ def coloured(fresh: np.ndarray, memory: np.ndarray | None) -> np.ndarray:
 
 def _drawer(objective: Objective, kind: str, random: np.random.Generator) -> Callable[[], list[np.ndarray]]:
     """Draws data, (channels, times) per record, about the fitted curves."""
-    joint: Joint = objective.args[1]
+    problem: Problem = objective.args[1]
     left = _left(objective)
-    memory = [None] * len(left) if joint.memory is None else [np.asarray(rows) for rows in joint.memory]
+    memory = [None] * len(left) if problem.memory is None else [np.asarray(rows) for rows in problem.memory]
     wider = float(np.sqrt(objective.count / objective.freedom))  # a residual is smaller than its noise
     plain = []
-    for number, record in enumerate(joint.problem.records):
+    for number, record in enumerate(problem.model.records):
         weight = np.asarray(record.weight)
         share = np.ones_like(weight) if objective.share is None else np.asarray(objective.share[number])
         used = weight > 0
@@ -197,30 +197,30 @@ def _refitted(
     residual: Callable, args: Any, share: Any, loss: str, data: tuple[jax.Array, ...], start: jax.Array
 ) -> tuple[jax.Array, jax.Array]:
     """Unknowns and outcome of every refit, from the minimum of the fit."""
-    space, joint = args
-    low, high = jnp.asarray(space.low), jnp.asarray(space.high)
-    weights = [record.weight for record in joint.problem.records]
+    parameters, problem = args
+    low, high = jnp.asarray(parameters.low), jnp.asarray(parameters.high)
+    weights = [record.weight for record in problem.model.records]
 
-    def minimum(problem: Joint, u: jax.Array):
-        return levenberg_marquardt(lambda x: residual(x, (space, problem)), u, low, high, max_steps=50)
+    def minimum(model: Problem, u: jax.Array):
+        return levenberg_marquardt(lambda x: residual(x, (parameters, model)), u, low, high, max_steps=50)
 
     def one(rows: tuple[jax.Array, ...]) -> tuple[jax.Array, jax.Array]:
-        moved = eqx.tree_at(lambda j: [record.data for record in j.problem.records], joint, list(rows))
+        moved = eqx.tree_at(lambda j: [record.data for record in j.model.records], problem, list(rows))
         if not loss:
-            ending = minimum(moved, start)
-            return ending.unknowns, ending.outcome
+            solution = minimum(moved, start)
+            return solution.unknowns, solution.outcome
 
         def again(state, _):
             u, shares, _ = state
             heavy = [w / s * c for w, s, c in zip(weights, share, shares, strict=True)]
-            weighed = eqx.tree_at(lambda j: [record.weight for record in j.problem.records], moved, heavy)
-            ending = minimum(weighed, u)
-            r, at, new = residual(ending.unknowns, (space, weighed)), 0, []
+            weighed = eqx.tree_at(lambda j: [record.weight for record in j.model.records], moved, heavy)
+            solution = minimum(weighed, u)
+            r, at, new = residual(solution.unknowns, (parameters, weighed)), 0, []
             for one_share in shares:
                 e = r[at : at + one_share.size].reshape(one_share.shape) / one_share
                 new.append(jnp.sqrt(counts(loss, e)))
                 at += one_share.size
-            return (ending.unknowns, new, ending.outcome), None
+            return (solution.unknowns, new, solution.outcome), None
 
         begin = (start, [jnp.asarray(s) for s in share], jnp.asarray(int(Outcome.OK)))
         (u, _, outcome), _ = jax.lax.scan(again, begin, None, length=ROUNDS)

@@ -74,8 +74,8 @@ def text(result: Fit, *, nuisance: bool = False, smallest_correlation: float = 0
     lines += ["[[Constants]]", *_indented(ParameterTable(result.estimates).lines(nuisance=nuisance))]
     if result.derived:
         lines += ["[[Derived]]", *_indented(ParameterTable(result.derived).lines())]
-    if told := in_si(result):
-        lines += ["[[In SI]] (intrinsic frequencies ω/2π)", *_indented(told)]
+    if rows := in_si(result):
+        lines += ["[[In SI]] (intrinsic frequencies ω/2π)", *_indented(rows)]
     pairs = _pairs(result, smallest_correlation)
     if pairs:
         lines += [f"[[Correlations]] (below {smallest_correlation:g} not listed)", *pairs]
@@ -98,7 +98,7 @@ def in_si(result: Fit) -> list[str]:
     if not scales or any(one is None for one in scales):
         return []
     shared = len({float(one.time) for one in scales}) == 1
-    told = []
+    rows = []
     for e in (*result.estimates, *result.derived):
         base, _, index = e.name.partition("[")
         if base not in ("omega_minus", "omega_plus", "tau") or e.undetermined or not (index or shared):
@@ -106,8 +106,8 @@ def in_si(result: Fit) -> list[str]:
         unit = scales[int(index.rstrip("]")) - 1 if index else 0]
         factor, word = (1e3 * unit.time, "ms") if base == "tau" else (unit.frequency, "Hz")
         error = f" ± {e.stderr * factor:.2g}" if np.isfinite(e.stderr) else ""
-        told.append(f"{e.name.replace('omega', 'f')} = {e.value * factor:.5g}{error} {word}")
-    return told
+        rows.append(f"{e.name.replace('omega', 'f')} = {e.value * factor:.5g}{error} {word}")
+    return rows
 
 
 def page(result: Fit) -> str:

@@ -10,6 +10,7 @@ from jshell.calibration.objective import Objective
 from jshell.calibration.result import Fit, FitWarning
 from jshell.display import ended, number, readable, shown
 from jshell.errors import NotOk, Outcome
+from jshell.renamed import renamed_attribute
 
 if TYPE_CHECKING:
     from jshell.calibration.posterior import Posterior
@@ -39,9 +40,9 @@ class FitResult(Fit):
         )  # fmt: skip
 
     def __eq__(self, other: object) -> bool:
-        from jshell.calibration.serialization import stored
+        from jshell.calibration.serialization import serialized
 
-        return isinstance(other, FitResult) and stored(self) == stored(other)
+        return isinstance(other, FitResult) and serialized(self) == serialized(other)
 
     __hash__ = None  # pyright: ignore[reportAssignmentType]
 
@@ -131,7 +132,7 @@ class FitResult(Fit):
 
         return page(self)
 
-    def asked(self) -> Objective:
+    def objective(self) -> Objective:
         """What was minimised; of a result that was read from a file built anew, of its data and its options.
 
         Raises:
@@ -140,6 +141,8 @@ class FitResult(Fit):
         from jshell.calibration.rebuilt import objective_of
 
         return objective_of(self)
+
+    asked = renamed_attribute("asked", "objective")
 
     def require_ok(self) -> "FitResult":
         """The same result, or `NotOk`."""

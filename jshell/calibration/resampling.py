@@ -20,8 +20,8 @@ from jshell.calibration.frequency_model import NAMES
 from jshell.calibration.frequency_table import FrequencyTable
 from jshell.calibration.result import Fit
 from jshell.errors import BadValue, Outcome
-from jshell.signals.lane_search import CONVERGED, RUNNING, LMState, Look, begin, descend
-from jshell.signals.lanes import lanewise, stage, total
+from jshell.signals.lane_search import CONVERGED, RUNNING, Evaluation, LMState, begin, descend
+from jshell.signals.lanes import barrier, lanewise, total
 
 TOGETHER = 512
 ROUNDS = 12
@@ -42,9 +42,9 @@ class Resamples(NamedTuple):
     power: Any
 
 
-def look(unknowns: Float[Array, "3 block"], data: Resamples, squared: bool) -> Look:
+def evaluate(unknowns: Float[Array, "3 block"], data: Resamples, squared: bool) -> Evaluation:
     """Cost, gradient and normal matrix by (log α1, log α2, k_VS²)."""
-    rows, go = data.rows, data.count[0] >= 0
+    rows, always_true = data.rows, data.count[0] >= 0
     V, P, kappa, K_A = (jnp.asarray(x)[:, None] for x in (rows.volume, rows.pressure, rows.kappa, rows.area_modulus))
     measured = jnp.isfinite(rows.omega)[:, :, None]
     target = V[:, None] * jnp.where(measured, jnp.asarray(rows.omega)[:, :, None], 1.0)
@@ -74,11 +74,11 @@ def look(unknowns: Float[Array, "3 block"], data: Resamples, squared: bool) -> L
         normal = {f"{i}{j}": add(half[i] * J[j]) for i in range(3) for j in range(i, 3)}
         return add(weight * r * r), jnp.stack([-add(half[i] * r) for i in range(3)]), normal
 
-    r, J = stage(residuals, go, *stage(slopes, go, unknowns))
-    cost, gradient, normal = stage(sums, go, r, J, data.weight)
+    r, J = barrier(residuals, always_true, *barrier(slopes, always_true, unknowns))
+    cost, gradient, normal = barrier(sums, always_true, r, J, data.weight)
     full = jnp.stack([jnp.stack([normal[f"{min(i, j)}{max(i, j)}"] for j in range(3)]) for i in range(3)])
     zero = jnp.zeros((1, cost.size))
-    return Look(cost, gradient, full, zero, zero)
+    return Evaluation(cost, gradient, full, zero, zero)
 
 
 @eqx.filter_jit
@@ -93,7 +93,7 @@ def _resampled(start, counts, rows: FrequencyTable, low, high, squared: bool) ->
     target = (V * omega) ** (4 if squared else 2)
     power = jnp.sum(data.weight * target[:, :, None], axis=(0, 1))
     data = data._replace(power=power, count=jnp.sum(counts, axis=0))
-    at = lambda u, d: look(u, d, squared)  # noqa: E731
+    at = lambda u, d: evaluate(u, d, squared)  # noqa: E731
     return descend(begin(start, data, at), data, low, high, at)
 
 

@@ -58,7 +58,7 @@ class Fit:
         versions: Of jshell and of what it stands on.
         minimum: All parameters at the minimum as the model sees them, those that are undetermined among them; empty
             where every one is determined.
-        objective: What was minimised, for profiles and the like; see `asked`.
+        minimised: What was minimised, once it is at hand; `objective` builds it anew where it is not.
     """
 
     title: str
@@ -84,7 +84,7 @@ class Fit:
     specification: FitOptions | None = None
     versions: tuple[tuple[str, str], ...] = ()
     minimum: tuple[float, ...] = ()
-    objective: Objective | None = field(default=None, repr=False)
+    minimised: Objective | None = field(default=None, repr=False)
     statistics: tuple[tuple[str, float], ...] = field(init=False)
 
     def __post_init__(self) -> None:

@@ -14,12 +14,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jshell.calibration.joint import Joint
 from jshell.calibration.least_squares import SolverResult, best_of
 from jshell.calibration.linearization import best_linear_of, linearized
 from jshell.calibration.long_records import minimise
 from jshell.calibration.misfit import rows_of
 from jshell.calibration.parameters import Unknowns
+from jshell.calibration.problem import Problem
 from jshell.errors import Outcome
 
 TUNING = {"huber": 1.345, "cauchy": 2.385}
@@ -37,7 +37,7 @@ class Robust:
         scale: (data,) robust scale of the weighted residual, one for each channel.
         weights: Per record, (channels, times) how much each sample counts.
         linear: Linear parameters, per block.
-        joint: The problem with those weights.
+        problem: The problem with those weights.
     """
 
     kind: str
@@ -45,71 +45,71 @@ class Robust:
     scale: np.ndarray
     weights: list[np.ndarray]
     linear: list[np.ndarray]
-    joint: Joint
+    problem: Problem
 
 
-def reweigh(kind: str, joint: Joint, space: Unknowns, ending: SolverResult) -> tuple[SolverResult, Robust]:
+def reweigh(kind: str, problem: Problem, parameters: Unknowns, solution: SolverResult) -> tuple[SolverResult, Robust]:
     """Weights that settle, from the minimum of least squares; every channel has a scale of its own."""
-    best, _ = best_of(ending, 0.0)
-    u, moving = np.asarray(ending.unknowns[best]), joint
-    weights = [np.asarray(record.weight) for record in joint.problem.records]
+    best, _ = best_of(solution, 0.0)
+    u, moving = np.asarray(solution.unknowns[best]), problem
+    weights = [np.asarray(record.weight) for record in problem.model.records]
     used = np.concatenate([w.ravel() > 0 for w in weights])
 
-    def look(u: np.ndarray, moving: Joint) -> tuple[list[np.ndarray], np.ndarray]:
+    def evaluate(u: np.ndarray, moving: Problem) -> tuple[list[np.ndarray], np.ndarray]:
         """Linear parameters, and the residual with the data's own weights."""
-        values = np.asarray(space.natural(jnp.asarray(u)))
+        values = np.asarray(parameters.constrained(jnp.asarray(u)))
         linear = best_linear_of(values, moving)
-        return linear, linearized(values, joint, space, linear).residual
+        return linear, linearized(values, problem, parameters, linear).residual
 
     ended = jnp.asarray(int(Outcome.NOT_CONVERGED))
     for _ in range(MOST_ROUNDS):
-        moving, _, weights = reweighed(kind, joint, look(u, moving)[1])
-        one = minimise(space, moving, u[None])
+        moving, _, weights = reweighed(kind, problem, evaluate(u, moving)[1])
+        one = minimise(parameters, moving, u[None])
         new = np.asarray(one.unknowns[0])
         change = np.max(np.abs(new - u) / (0.1 + np.abs(u)))
         u = new
         if change < SETTLED:
             ended = one.outcome[0]
             break
-    linear, r = look(u, moving)
-    scale = _scale(joint, r)
+    linear, r = evaluate(u, moving)
+    scale = _scale(problem, r)
     # the best start is what the last weights made of it; the others are told as least squares left them
-    ending = eqx.tree_at(
+    solution = eqx.tree_at(
         lambda x: (x.unknowns, x.outcome),
-        ending,
-        (ending.unknowns.at[best].set(u), ending.outcome.at[best].set(ended)),
+        solution,
+        (solution.unknowns.at[best].set(u), solution.outcome.at[best].set(ended)),
     )
     influence, slope = _influence(kind, (r / scale)[used])
-    freedom = max(1, int(used.sum()) - len(space.free) - sum(c.size for c in linear))
+    freedom = max(1, int(used.sum()) - len(parameters.free) - sum(c.size for c in linear))
     variance = used.sum() / freedom * float(np.mean(influence**2)) / float(np.mean(slope)) ** 2
-    return ending, Robust(kind, float(variance), scale, weights, linear, moving)
+    return solution, Robust(kind, float(variance), scale, weights, linear, moving)
 
 
-def reweighed(kind: str, joint: Joint, r: np.ndarray) -> tuple[Joint, np.ndarray, list[np.ndarray]]:
+def reweighed(kind: str, problem: Problem, r: np.ndarray) -> tuple[Problem, np.ndarray, list[np.ndarray]]:
     """The problem with the weights that a residual calls for.
 
     Args:
         kind: Of the loss.
-        joint: The problem with the data's own weights.
+        problem: The problem with the data's own weights.
         r: (data,) its residual.
 
     Returns:
         The problem; (data,) robust scale; per record, (channels, times) how much each sample counts.
     """
-    plain, scale = [np.asarray(record.weight) for record in joint.problem.records], _scale(joint, r)
+    plain, scale = [np.asarray(record.weight) for record in problem.model.records], _scale(problem, r)
     weights = _like(np.asarray(counts(kind, jnp.asarray(r / scale))), plain)
     heavy = [w * np.sqrt(c) / s for w, c, s in zip(plain, weights, _like(scale, plain), strict=True)]
     moved = eqx.tree_at(
-        lambda j: [record.weight for record in j.problem.records], joint, [jnp.asarray(w) for w in heavy]
+        lambda j: [record.weight for record in j.model.records], problem, [jnp.asarray(w) for w in heavy]
     )
     return moved, scale, weights
 
 
-def _scale(joint: Joint, r: np.ndarray) -> np.ndarray:
+def _scale(problem: Problem, r: np.ndarray) -> np.ndarray:
     """(data,) 1.48 times the median size of each channel's residual."""
-    used = np.concatenate([np.asarray(record.weight).ravel() > 0 for record in joint.problem.records])
+    used = np.concatenate([np.asarray(record.weight).ravel() > 0 for record in problem.model.records])
     scale = np.ones(r.size)
-    for _, _, at in rows_of(joint):
+    for _, _, at in rows_of(problem):
         scale[at] = max(1.4826 * float(np.median(np.abs(r[at][used[at]]))), 1e-300)
     return scale
 

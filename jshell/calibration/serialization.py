@@ -13,7 +13,7 @@ from jshell.io.records import plain, trace_record, write_groups, write_record
 KIND = "fit"
 
 
-def stored(result: Fit) -> dict[str, Any]:
+def serialized(result: Fit) -> dict[str, Any]:
     """All of a result as a JSON object, to the bit."""
     return plain(
         {
@@ -49,7 +49,7 @@ def stored(result: Fit) -> dict[str, Any]:
 
 def save(result: Fit, path: str | Path) -> Path:
     """Write a result; see `FitResult.save`."""
-    return write_record(path, KIND, stored(result))
+    return write_record(path, KIND, serialized(result))
 
 
 def export(result: Fit, path: str | Path) -> Path:

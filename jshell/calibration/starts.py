@@ -15,8 +15,8 @@ import numpy as np
 
 from jshell.calibration.frequency_model import start_from_data
 from jshell.calibration.frequency_table import FrequencyTable
-from jshell.calibration.joint import Joint, nominal_values
-from jshell.calibration.losses import Problem
+from jshell.calibration.losses import TraceModel
+from jshell.calibration.problem import Problem, nominal_values
 from jshell.calibration.records import Record
 from jshell.oscillator.coefficients import tied_beta2
 from jshell.signals import rates
@@ -77,9 +77,9 @@ def find_modes(elapsed: np.ndarray, data: np.ndarray) -> ModePair | None:
         rms = float(np.sqrt(np.mean(left.var(axis=1) / data.var(axis=1))))
         return ModePair(s, amplitudes, offsets, rms) if best is None or rms < better * best.rms else best
 
-    for heard in rates(elapsed, data / spread):
-        if heard.size > 1:
-            best = offer(best, heard[:2])
+    for identified in rates(elapsed, data / spread):
+        if identified.size > 1:
+            best = offer(best, identified[:2])
     cells = in_cells(elapsed, even)
     pairs = model_orders(*cells, most=2)[1]
     if pairs and sound(pairs[0], cells[0]):
@@ -155,14 +155,14 @@ def first_start(loss: str, records: list[Record], modes: list[ModePair], fix: Ma
 
 
 def starts_of_constants(
-    problem: Problem, modes: Sequence[ModePair | None], fix: Mapping[str, float], count: int, seed: int
+    model: TraceModel, modes: Sequence[ModePair | None], fix: Mapping[str, float], count: int, seed: int
 ) -> np.ndarray:
     """(starts, names): one from the modes, others scattered around it; blind draws where no modes are found."""
     random = np.random.default_rng(seed)
-    records = list(problem.records)
+    records = list(model.records)
     pairs = [(one, found) for one, found in zip(records, modes, strict=True) if found is not None]
-    first = first_start(problem.loss, [one for one, _ in pairs], [found for _, found in pairs], fix) if pairs else None
-    if problem.loss == "strict":
+    first = first_start(model.loss, [one for one, _ in pairs], [found for _, found in pairs], fix) if pairs else None
+    if model.loss == "strict":
         if first is None:
             rows = np.stack([blind_start(random, records) for _ in range(4 * (count + 1))])
         else:
@@ -170,8 +170,8 @@ def starts_of_constants(
             moved = first * np.exp(np.array([0.2, 0.2, 0.0, 0.2]) * noise)
             moved[:, 2] += 0.1 * noise[:, 2]
             rows = np.vstack([first, moved])
-        if not problem.tied:
-            b2 = tied_beta2(rows[:, 0], rows[:, 1], rows[:, 3], problem.dipole)
+        if not model.tied:
+            b2 = tied_beta2(rows[:, 0], rows[:, 1], rows[:, 3], model.dipole)
             rows = np.column_stack([rows, b2])
         return rows
 
@@ -185,34 +185,36 @@ def starts_of_constants(
 
 
 def starts_of_fit(
-    joint: Joint, modes: Sequence[ModePair | None], fix: Mapping[str, float], count: int, seed: int
+    problem: Problem, modes: Sequence[ModePair | None], fix: Mapping[str, float], count: int, seed: int
 ) -> np.ndarray:
     """(starts, parameters): shared constants from all traces, local ones from the trace's own modes.
 
     Args:
-        joint: The traces and their parameters.
+        problem: The traces and their parameters.
         modes: Found in each trace, or None.
         fix: Values of constants not to be fitted.
         count: Random starts beside the one from the modes.
         seed: Of the random ones.
     """
-    problem, nominal = joint.problem, nominal_values(joint)
-    shared = starts_of_constants(problem, modes, fix, count, seed)
-    plain, rows = problem.names, np.ones((len(shared), len(joint.names)))
-    names = problem.constants
-    for number, (record, places) in enumerate(zip(problem.records, joint.places, strict=True)):
+    model, nominal = problem.model, nominal_values(problem)
+    shared = starts_of_constants(model, modes, fix, count, seed)
+    plain, rows = model.names, np.ones((len(shared), len(problem.names)))
+    names = model.constants
+    for number, (record, places) in enumerate(zip(model.records, problem.places, strict=True)):
         found = modes[number]
-        local = [joint.names[place].endswith("]") and name != "tau" for name, place in zip(names, places, strict=True)]
-        heard = None
-        if problem.loss == "strict" and found is not None and any(local):
-            heard = strict_start([record], [found], dict(fix))
+        local = [
+            problem.names[place].endswith("]") and name != "tau" for name, place in zip(names, places, strict=True)
+        ]
+        identified = None
+        if model.loss == "strict" and found is not None and any(local):
+            identified = strict_start([record], [found], dict(fix))
         for k, (name, place) in enumerate(zip(names, places, strict=True)):
             base = f"tau[{number + 1}]" if name == "tau" and "tau" not in plain else name
             values = shared[:, plain.index(base)]
-            if local[k] and heard is not None and k < 4:
+            if local[k] and identified is not None and k < 4:
                 first = shared[0, plain.index(base)]
-                values = values / first * heard[k] if first != 0 else values + heard[k]
+                values = values / first * identified[k] if first != 0 else values + identified[k]
             rows[:, place] = values
     for name, value in nominal.items():
-        rows[:, joint.names.index(name)] = value
+        rows[:, problem.names.index(name)] = value
     return rows

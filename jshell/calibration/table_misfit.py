@@ -101,12 +101,13 @@ def weightings_apart(one: tuple[Estimate, ...], other: tuple[Estimate, ...], nam
     ]
     if not apart:
         return []
-    told = ", ".join(
+    listed = ", ".join(
         f"{b.name} = {b.value:.4g} ± {b.stderr:.2g} (here {a.value:.4g} ± {a.stderr:.2g})"
         for a, b in zip(one, other, strict=True)
         if a.role == "constant"
     )
     return [
-        f"misfit: by {name} {told}; {', '.join(a.name for a, _ in apart)} differ by more than their errors: the model "
+        f"misfit: by {name} {listed}; "
+        f"{', '.join(a.name for a, _ in apart)} differ by more than their errors: the model "
         "does not describe the table, or a row of it is wrong"
     ]

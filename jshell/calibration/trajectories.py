@@ -1,6 +1,6 @@
 """The constants from traces: the door of the trace fits.
 
-Symbols    α1, α2, k_VS, β1, β2 constants [-]   ω-, ω+ pulsations, τ decay time
+Symbols    α1, α2, k_VS, β1, β2 constants [-]   ω-, ω+ angular frequencies, τ decay time
 Valid for  small oscillations about a buckled rest state; channels and losses as `losses` says
 Source     Mokbel et al. 2021: eq:eqmovadimV, eq:eqmovadimS, eq:defw
 """
@@ -13,9 +13,9 @@ from typing import Any
 from jshell.calibration.data import chosen_channels, windowed
 from jshell.calibration.diagnostics import trace_result
 from jshell.calibration.long_records import minimise
-from jshell.calibration.losses import Problem
+from jshell.calibration.losses import TraceModel
 from jshell.calibration.options import OPTIONS, FitOptions, Prior, Tie, tie_in_words
-from jshell.calibration.problem import prepared, problem_of
+from jshell.calibration.preparation import prepared, problem_of
 from jshell.calibration.report import FitResult, FitWarning
 from jshell.calibration.robust import reweigh
 from jshell.calibration.starts import starts_of_fit
@@ -98,14 +98,16 @@ def fit_trajectories(
             expected="solver 'exact', beta2 'equal_decay'",
             remedy="The modal loss integrates nothing, and has one decay time per trace.",
         )
-    joint, space, modes, texts = problem_of(cut, asked)
-    begin = starts_of_fit(joint, modes, asked.fix, asked.starts, asked.seed)
-    ending, found = minimise(space, joint, space.seen(begin)), None
+    problem, parameters, modes, texts = problem_of(cut, asked)
+    begin = starts_of_fit(problem, modes, asked.fix, asked.starts, asked.seed)
+    solution, found = minimise(parameters, problem, parameters.unconstrained(begin)), None
     if asked.robust is not None:
-        ending, found = reweigh(asked.robust, joint, space, ending)
-    result = trace_result(joint, space, ending, begin, cut, noise=asked.noise, robust=found)
-    told = asked.changed(tie=tie_in_words(asked.tie))
-    result = dataclasses.replace(result, warnings=(*texts, *result.warnings), specification=told, versions=versions())
+        solution, found = reweigh(asked.robust, problem, parameters, solution)
+    result = trace_result(problem, parameters, solution, begin, cut, noise=asked.noise, robust=found)
+    specification = asked.changed(tie=tie_in_words(asked.tie))
+    result = dataclasses.replace(
+        result, warnings=(*texts, *result.warnings), specification=specification, versions=versions()
+    )
     for text in result.warnings:
         warnings.warn(text, FitWarning, stacklevel=2)
     return result
@@ -125,9 +127,9 @@ def prepare(
     equilibrium: str = "plateau",
     channels: Sequence[str] | None = None,
     adjoint: str = "forward",
-) -> Problem:
+) -> TraceModel:
     """The problem that `fit_trajectories` solves, for those who bring their own minimiser or want its gradients."""
     cut = windowed(traces, None, None)
     loss, names = chosen_channels(cut, loss, channels)
-    ready, _, _ = prepared(cut, names, equilibrium)
-    return Problem(tuple(ready), loss, solver, adjoint=adjoint)
+    records, _, _ = prepared(cut, names, equilibrium)
+    return TraceModel(tuple(records), loss, solver, adjoint=adjoint)

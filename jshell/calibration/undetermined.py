@@ -16,7 +16,7 @@ from jshell.errors import Outcome
 
 RESTLESS = frozenset({Outcome.STALLED, Outcome.NOT_CONVERGED, Outcome.NOT_FINITE, Outcome.UNUSABLE_DATA})
 NO_MINIMUM = "the fit did not come to rest"
-SILENT = "only a mode that is not heard depends on it"
+SILENT = "only a mode below the noise depends on it"
 PART = 0.1  # of what a direction moves most, below which it hardly moves a constant
 MOVED = 1e-4  # share of a derived number, per change of a constant by itself, below which it stays where it is
 
@@ -31,7 +31,7 @@ def open_constants(
         values: (constants,) at the minimum.
         errors: Of constants, and of what follows them.
         outcome: Of the fit.
-        silent: Relative changes (constants,) that leave the heard mode as it is.
+        silent: Relative changes (constants,) that leave the identified mode as it is.
     """
     if outcome in RESTLESS:
         return dict.fromkeys(varied, NO_MINIMUM)
@@ -86,7 +86,7 @@ def hide_derived(
         derived: All of them.
         gradient: (numbers, constants).
         constants: (constants,) at the minimum.
-        null: (directions, constants) relative changes that leave the fit, or what is heard of it, as it is.
+        null: (directions, constants) relative changes that leave the fit, or what is identified of it, as it is.
         outcome: Of the fit.
     """
     slopes = gradient * np.where(constants == 0, 1.0, np.abs(constants))

@@ -116,14 +116,14 @@ def measure(film: Film | str | Path, view: View, progress: Callable[[float], Non
             expected=f"at least {FEWEST}",
             remedy="Say whether it is dark or bright; mask the holder.",
         )
-    angle, told = _axis([outlines[k] for k in seen], view)
+    angle, axis_words = _axis([outlines[k] for k in seen], view)
     sizes = np.array([_sizes(outlines[k], angle, view.widths) for k in seen])
     bodies = [revolved(outlines[k], angle) for k in seen] if view.section else []
     if any(body is None for body in bodies):
         kept = [i for i, body in enumerate(bodies) if body is not None]
-        told.append(f"{len(bodies) - len(kept)} outlines are not closed and are gaps")
+        axis_words.append(f"{len(bodies) - len(kept)} outlines are not closed and are gaps")
         seen, sizes, bodies = [seen[i] for i in kept], sizes[kept], [bodies[i] for i in kept]
-    words += told + _warnings(film, outlines, burnt) + _smeared(film, times[seen], sizes, outlines)
+    words += axis_words + _warnings(film, outlines, burnt) + _smeared(film, times[seen], sizes, outlines)
     trace = _trace(times[seen], sizes, [body for body in bodies if body is not None], view)
     return Filmed(trace, tuple(outlines), float(np.degrees(angle)), tuple(words))
 

@@ -81,10 +81,15 @@ def _stack(path: Path) -> Film:
     return Film(str(path), count, size, white_of(pages[0].dtype, most), read, file.close, times)
 
 
-def _imagej_times(told: object, count: int) -> Float[np.ndarray, "frames"] | None:
+def _imagej_times(metadata: object, count: int) -> Float[np.ndarray, "frames"] | None:
     """When the frames of an ImageJ stack were taken, by the interval that its head tells; None where it does not."""
-    step = told.get("finterval") if isinstance(told, dict) else None
-    seconds = isinstance(told, dict) and str(told.get("tunit", "s")).strip() in ("s", "sec", "second", "seconds")
+    step = metadata.get("finterval") if isinstance(metadata, dict) else None
+    seconds = isinstance(metadata, dict) and str(metadata.get("tunit", "s")).strip() in (
+        "s",
+        "sec",
+        "second",
+        "seconds",
+    )
     if not seconds or not isinstance(step, int | float) or not 0 < step < np.inf:
         return None
     return float(step) * np.arange(count)

@@ -1,4 +1,4 @@
-"""What one run found: its rest state, its modes, and what is heard in its record.
+"""What one run found: its rest state, its modes, and what is extracted from its record.
 
 A row of the catalogue. What does not exist for a run (modes of a breathing
 sphere, a frequency in a record that ended early) is None, never a number.
@@ -22,7 +22,7 @@ from jshell.shell.elasticity import SPHERE_AREA, SPHERE_VOLUME
 from jshell.signals import extract
 from jshell.trace import Trace
 
-LISTENED = ("V", "S", "H", "W")  # together: on V alone a third mode is often taken for the second
+EXTRACTED = ("V", "S", "H", "W")  # together: on V alone a third mode is often taken for the second
 MODES = 4
 SWING = 1e-3  # of V0: a smaller turning of V does not count as an oscillation
 Four = tuple[float | None, ...]
@@ -38,7 +38,7 @@ class Findings:
     Attributes:
         outcome: How the run itself ended, a word of `Outcome`.
         reason: Why it is not ok, in words.
-        heard: How listening ended, a word of `Outcome`; empty where there is no record.
+        heard: How the extraction ended, a word of `Outcome`; empty where there is no record.
         verdict: How many modes the record needs.
         P_ext: Outer pressure during the run: that of the problem and the offset.
         V_e, S_e, P_e: Rest state; V_e_over_V0, S_e_over_S0 its ratios to the stress-free sphere.
@@ -157,10 +157,10 @@ class Findings:
         return told_when_asked(self, LATER)
 
     def with_record(self, trace: Trace, start: float | None) -> "Findings":
-        """With what is heard from a time on (by default after the snap's dip)."""
+        """With what is extracted from a time on (by default after the snap's dip)."""
         from scipy.signal import find_peaks  # here: it is slow to load, and few need it
 
-        together, alone = extract(trace, LISTENED, start=start), extract(trace, "V", start=start)
+        together, alone = extract(trace, EXTRACTED, start=start), extract(trace, "V", start=start)
         times, V, v = (np.asarray(values, dtype=float) for values in (trace.times, trace["V"], trace["v_front"]))
         begin = together.window[0] if start is None else start
         ring = times >= begin
@@ -201,7 +201,7 @@ class Findings:
             omega_plus_stderr=finite(error["omega_plus"]),
             tau_stderr=finite(error["tau"]),
             residual=together.residual,
-            **{f"ratio_{name}": finite(ratio[name]) for name in LISTENED},
+            **{f"ratio_{name}": finite(ratio[name]) for name in EXTRACTED},
             three_omega=tuple(finite(value) for value in three.omega) if three.converged else NO_THREE,
             three_tau=finite(three.tau) if three.converged else None,
             three_residual=finite(three.residual) if three.converged else None,
@@ -212,7 +212,7 @@ class Findings:
         )
 
     def with_radial(self, trace: Trace) -> "Findings":
-        """With what is heard in the motion of a sphere that can only breathe."""
+        """With what is extracted from the motion of a sphere that can only breathe."""
         found = extract(trace, "V", start=0.0)
         if found.outcome != Outcome.OK or not found.fits[0].converged or self.omega_sphere is None:
             return self

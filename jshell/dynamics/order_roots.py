@@ -17,7 +17,7 @@ from jaxtyping import Array, Float
 
 from jshell.dynamics.roots import ShellMatrices, switched_on
 from jshell.membrane.azimuthal import Order, orthonormal
-from jshell.membrane.stability import HELD
+from jshell.membrane.stability import NULL_STIFFNESS
 
 SHIFT = 4.0  # squared rate added while roots are sought: no growth of a rest shape is as fast [1/time²]
 
@@ -37,7 +37,7 @@ def deflated(order: Order, M, G, D) -> OrderPencil:
     held = order.gram @ order.nulls
     moved = M @ orthonormal(order.nulls, M)
     # of a vibration M v is orthogonal to them; which of them it holds besides does not matter
-    return OrderPencil(order.K + HELD * held @ held.T, M - moved @ moved.T, G, D)
+    return OrderPencil(order.K + NULL_STIFFNESS * held @ held.T, M - moved @ moved.T, G, D)
 
 
 def order_roots(pencil: OrderPencil, viscosity, count: int):

@@ -52,7 +52,7 @@ def corrected(
     shift = np.abs(best.u - before.u) / np.where(scale > 0, scale, np.inf)
     worst = int(np.argmax(shift))
     return best, weighings, (
-        f"liquid: exact; by the search's, of second order, {model.space.names[worst]} would lie "
+        f"liquid: exact; by the search's, of second order, {model.parameters.names[worst]} would lie "
         f"{shift[worst]:.2g} standard errors of the noise away"
     )  # fmt: skip
 
@@ -94,7 +94,7 @@ def _alike(shapes: np.ndarray, like: np.ndarray) -> np.ndarray:
 
 def doubted(model: Model, best: SearchResult, weighings: list[Weighing]) -> np.ndarray:
     """(unknowns,) how far the answer would move with what may be wrong of the better simulator."""
-    pull = np.zeros(best.u.size)
+    pullback = np.zeros(best.u.size)
     for k, (weighing, one) in enumerate(zip(weighings, best.projections, strict=True)):
         offset = weighing.offset
         if offset is None or offset.doubt is None:
@@ -104,5 +104,5 @@ def doubted(model: Model, best: SearchResult, weighings: list[Weighing]) -> np.n
         moved = Offset(offset.rates + s / rough.rates, offset.shapes + phi / rough.shapes, offset.rest + rest)
         other, outcome = model.project(k, best.u, best.near[k], replace(weighing, offset=moved))
         if outcome == Outcome.OK:
-            pull += one.jacobian.T @ (other.residual - one.residual)
-    return np.linalg.pinv(information(best)) @ pull
+            pullback += one.jacobian.T @ (other.residual - one.residual)
+    return np.linalg.pinv(information(best)) @ pullback

@@ -26,13 +26,13 @@ from jshell.inversion.search import SearchResult, information, minimise
 from jshell.inversion.snap import Snap
 from jshell.inversion.starts import starts
 from jshell.inversion.through import Question, through
-from jshell.inversion.unknowns import SI, Unknown, space
+from jshell.inversion.unknowns import SI, Unknown, parameters
 from jshell.trace import Trace, traces_of
 
 PAD, SPOT = 0.02, 0.1  # what is known of a pad [rad] and of a weak spot [-] that nothing is said of
 FIRST_STEPS = 14  # of a start that is one of several
 LAST_STEPS = 60  # of the best of them, where it did not come to rest
-HEARD = 20.0  # of χ², that a further mode must take: two amplitudes fitted to noise take 2
+IDENTIFIED = 20.0  # of χ², that a further mode must take: two amplitudes fitted to noise take 2
 ROUNDS = 5  # of noise and minimum
 NEAR = 9.0  # of χ²: two minima nearer than this cannot be told apart
 SAME = 0.04  # squared standard errors within which two ends are one minimum
@@ -118,7 +118,7 @@ def invert(
     if asked and (si if nuisance is None else nuisance):
         asked |= {n: w for n, w in nuisances(records).items() if n not in asked and n not in given[0]}
     numbers = [{**one.known, **said} for one, said in zip(records, given, strict=True)]
-    whole = space(numbers, asked, tuple(local), si)
+    whole = parameters(numbers, asked, tuple(local), si)
     for one, known_of_it in zip(records, numbers, strict=True):
         if not free_rest and "radius" not in asked:
             refuse_other_size(one, known_of_it.get("radius", 1.0))
@@ -133,24 +133,24 @@ def invert(
         at = [begin.get(name, value) for name, value in zip(whole.names, usual, strict=True)]
         begun = np.concatenate([whole.to_u(np.array([at])), begun])
         promising += 1
-    endings = _brought_to_rest(model, _from_starts(model, begun, promising, weighings), weighings)
-    if endings[0].outcome not in (Outcome.OK, Outcome.AT_BOUND):
-        return _finished(drawn_up(model, Settled(endings[0], weighings, []), endings, (), ()), throw)
+    solutions = _brought_to_rest(model, _from_starts(model, begun, promising, weighings), weighings)
+    if solutions[0].outcome not in (Outcome.OK, Outcome.AT_BOUND):
+        return _finished(drawn_up(model, Settled(solutions[0], weighings, []), solutions, (), ()), throw)
     first = weighings
-    best, weighings, noises = _settled(model, endings[0], first)
-    untried = begun[len(endings) :]
+    best, weighings, noises = _settled(model, solutions[0], first)
+    untried = begun[len(solutions) :]
     if len(untried) and misfits(model, best.projections, noises):
-        others, better = _others(model, untried, first, endings)
+        others, better = _others(model, untried, first, solutions)
         if better:
             best, weighings, noises = better
-            endings = [others.pop(), *endings]  # the last that was tried
-        endings += others
+            solutions = [others.pop(), *solutions]  # the last that was tried
+        solutions += others
     elif len(untried) and any(one.memory for row in noises for one in row):
-        # noise that remembers may be a misfit in disguise: whether another minimum leaves less, under the same weights
+        # autocorrelated noise may be a misfit in disguise: whether another minimum leaves less, under the same weights
         begun = np.concatenate([best.u[None], untried])
         anew = [minimise(model, u, weighings, max_steps=40, legs=3) for u in begun]
         anew = _brought_to_rest(model, sorted(anew, key=_rank), weighings)
-        endings += anew
+        solutions += anew
         if anew[0].outcome in (Outcome.OK, Outcome.AT_BOUND) and not _same(best, anew[0]):
             best, weighings, noises = _settled(model, anew[0], weighings)
     notes = []
@@ -158,9 +158,9 @@ def invert(
         best, weighings, note = corrected(model, best, weighings, _again)
         noises = examined(model, best.projections, weighings)
         notes.append(note)
-    rivals = _rivals(model, best, endings, weighings)
+    rivals = _rivals(model, best, solutions, weighings)
     warnings = misfits(model, best.projections, noises)
-    return _finished(drawn_up(model, Settled(best, weighings, noises), endings, notes, warnings, rivals), throw)
+    return _finished(drawn_up(model, Settled(best, weighings, noises), solutions, notes, warnings, rivals), throw)
 
 
 def _ring_downs(asked: Question) -> Inversion:
@@ -219,15 +219,15 @@ def _from_starts(model: Model, begun: np.ndarray, promising: int, weighings: Seq
 
     Beyond the promising ones only until one leads to a shell at all.
     """
-    endings: list[SearchResult] = []
+    solutions: list[SearchResult] = []
     for k, u in enumerate(begun):
-        if k >= promising and any(np.isfinite(one.cost) for one in endings):
+        if k >= promising and any(np.isfinite(one.cost) for one in solutions):
             break
-        ending = minimise(model, u, weighings, max_steps=FIRST_STEPS if promising > 1 else 40, legs=3)
-        endings.append(ending)
-        if k > 0 and np.isfinite(ending.cost) and described(model, min(endings, key=_rank).projections):
+        solution = minimise(model, u, weighings, max_steps=FIRST_STEPS if promising > 1 else 40, legs=3)
+        solutions.append(solution)
+        if k > 0 and np.isfinite(solution.cost) and described(model, min(solutions, key=_rank).projections):
             break
-    return sorted(endings, key=_rank)
+    return sorted(solutions, key=_rank)
 
 
 def _others(
@@ -237,16 +237,16 @@ def _others(
 
     All are followed to their ends: under the first weights, of fewer modes, a right one may cost twice a wrong one.
     """
-    endings: list[SearchResult] = []
+    solutions: list[SearchResult] = []
     for u in begun:
-        ending = _brought_to_rest(model, [minimise(model, u, weighings, max_steps=40, legs=3)], weighings)[0]
-        known = any(_same(one, ending) for one in (before[0], *endings))
-        endings.append(ending)
-        if ending.outcome in (Outcome.OK, Outcome.AT_BOUND) and not known:
-            settled = _settled(model, ending, weighings)
+        solution = _brought_to_rest(model, [minimise(model, u, weighings, max_steps=40, legs=3)], weighings)[0]
+        known = any(_same(one, solution) for one in (before[0], *solutions))
+        solutions.append(solution)
+        if solution.outcome in (Outcome.OK, Outcome.AT_BOUND) and not known:
+            settled = _settled(model, solution, weighings)
             if not misfits(model, settled.best.projections, settled.noises):
-                return endings, settled
-    return endings, None
+                return solutions, settled
+    return solutions, None
 
 
 def _same(one: SearchResult, other: SearchResult) -> bool:
@@ -257,24 +257,24 @@ def _same(one: SearchResult, other: SearchResult) -> bool:
     return bool(away @ information(one) @ away < SAME)
 
 
-def _brought_to_rest(model: Model, endings: list[SearchResult], weighings: Sequence[Weighing]) -> list[SearchResult]:
+def _brought_to_rest(model: Model, solutions: list[SearchResult], weighings: Sequence[Weighing]) -> list[SearchResult]:
     """The best of the ends, sought on where the steps of a start did not reach a valley's floor."""
-    best = endings[0]
+    best = solutions[0]
     if best.outcome not in (Outcome.NOT_CONVERGED, Outcome.STALLED) or not np.isfinite(best.cost):
-        return endings
+        return solutions
     on = minimise(model, best.u, weighings, max_steps=LAST_STEPS, legs=3)
     # its nodes are new ones, on which the same shell leaves a little more or less
     if not on.cost <= best.cost * (1 + 1e-3) + NEAR:
-        return endings
-    return [replace(on, begun=best.begun, steps=best.steps + on.steps), *endings[1:]]
+        return solutions
+    return [replace(on, begun=best.begun, steps=best.steps + on.steps), *solutions[1:]]
 
 
-def _rank(ending: SearchResult) -> float:
-    return ending.cost if np.isfinite(ending.cost) else np.inf
+def _rank(solution: SearchResult) -> float:
+    return solution.cost if np.isfinite(solution.cost) else np.inf
 
 
 def _settled(model: Model, best: SearchResult, weighings: list[Weighing]) -> Settled:
-    """The minimum with the noise that it leaves, and as many modes as that noise lets be heard."""
+    """The minimum with the noise that it leaves, and as many modes as rise above that noise."""
     noises = examined(model, best.projections, weighings)
     for _ in range(ROUNDS):
         weighings, steady = reweighed(model, best.projections, weighings, noises)
@@ -308,23 +308,23 @@ def _more_modes(
             continue
         nyquist = np.pi / float(np.median(np.diff(one.times)))
         reachable = float(model.modal(k, best.u, best.near[k])[0].rates[count].imag) < 0.8 * nyquist
-        if reachable and plain.residual @ plain.residual - with_it.residual @ with_it.residual > HEARD:
+        if reachable and plain.residual @ plain.residual - with_it.residual @ with_it.residual > IDENTIFIED:
             weighings = [*weighings[:k], richer, *weighings[k + 1 :]]
             grown = True
     return (_again(model, best, weighings) if grown else best), weighings, grown
 
 
 def _rivals(
-    model: Model, best: SearchResult, endings: Sequence[SearchResult], weighings: Sequence[Weighing]
+    model: Model, best: SearchResult, solutions: Sequence[SearchResult], weighings: Sequence[Weighing]
 ) -> list[SearchResult]:
     """Other minima that describe the recordings as well."""
     found = []
     weight = information(best)
-    for k, other in enumerate(endings):
+    for k, other in enumerate(solutions):
         away = other.u - best.u
         if not np.isfinite(other.cost) or away @ weight @ away < APART**2:
             continue
-        if any(_same(one, other) for one in endings[:k]):
+        if any(_same(one, other) for one in solutions[:k]):
             continue
         again = minimise(model, other.u, weighings, max_steps=20, legs=2)
         away = again.u - best.u

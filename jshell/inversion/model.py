@@ -24,7 +24,7 @@ from jshell.inversion.response import (
     sharpening_program,
     standing_program,
 )
-from jshell.inversion.unknowns import Seen, Space
+from jshell.inversion.unknowns import ParameterSet, Seen
 
 ELEMENTS = 20
 
@@ -74,13 +74,13 @@ class Model:
 
     Attributes:
         recordings: What was recorded.
-        space: What is asked.
+        parameters: What is asked.
         elements: Of the meridian.
         calls: How often the simulator was asked.
     """
 
     recordings: tuple[Recording, ...]
-    space: Space
+    parameters: ParameterSet
     elements: int = ELEMENTS
     calls: int = field(default=0)
 
@@ -90,9 +90,9 @@ class Model:
         count = len(self.recordings)
         return f"shell of {count} recording{'s' if count > 1 else ''}, {self.described}"
 
-    def told(self, k: int, weighing: Weighing) -> str:
+    def known_notes(self, k: int, weighing: Weighing) -> str:
         """What of recording k was looked at, and by what it is described."""
-        one, unit = self.recordings[k], "s" if self.space.si else "time units"
+        one, unit = self.recordings[k], "s" if self.parameters.si else "time units"
         samples = (
             f"{one.times.size} samples of {', '.join(one.channels)} from {one.times[0]:.4g} to {one.times[-1]:.4g}"
         )
@@ -110,8 +110,8 @@ class Model:
 
     def seen(self, k: int, u: np.ndarray) -> tuple[Seen, list[int]]:
         """The numbers of recording k at u, and which unknowns are among them."""
-        values, mine = self.space.of(k, self.space.to_values(u))
-        return Seen(values, self.space.si), mine
+        values, mine = self.parameters.of(k, self.parameters.to_values(u))
+        return Seen(values, self.parameters.si), mine
 
     def standing(self, u: np.ndarray) -> list[Standing]:
         """The shell of every recording at rest, on nodes of its own."""
@@ -136,7 +136,7 @@ class Model:
     def modal(self, k: int, u: np.ndarray, near: Standing) -> tuple[Modal, Modal, np.ndarray]:
         """All modes of recording k in the record's units, their derivatives by u, and how finding each ended."""
         seen, mine = self.seen(k, u)
-        slopes = [seen.slope(self.space.names[i].partition("[")[0]) for i in mine]
+        slopes = [seen.slope(self.parameters.names[i].partition("[")[0]) for i in mine]
         program = response_program(self.elements, seen.held, seen.lossy)
         changes = []
         for at in range(0, max(len(mine), 1), DIRECTIONS):
@@ -167,7 +167,7 @@ class Model:
         return [CHANNELS.index(name) for name in names], np.array([seen.length ** POWER[name] for name in names])
 
     def _slopes(self, k, seen: Seen, value: Modal, changes, slopes, mine) -> Modal:
-        size, names = len(self.space.names), self.recordings[k].channels
+        size, names = len(self.parameters.names), self.recordings[k].channels
         pick, scale = self._channels(k, seen)
         powers = np.array([POWER[name] for name in names])
         out = Modal(

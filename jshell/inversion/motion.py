@@ -83,14 +83,14 @@ def run(
         report: Called with the share that is done, now and then.
     """
     count = PIECE * int(np.ceil((np.ceil(length / EVERY) + SPARE) / PIECE))
-    first, go = programs(elements, bool(numbers[PAD_FIELD] > 0), inner, bool(numbers[RETARDATION_FIELD] > 0))
+    first, advance = programs(elements, bool(numbers[PAD_FIELD] > 0), inner, bool(numbers[RETARDATION_FIELD] > 0))
     fields, directions = jnp.asarray(numbers), jnp.asarray(tangents)
     at_start = np.zeros(1)
     state, rest, sample = first(fields, directions, load.value(at_start)[0], load.change(at_start)[:, 0])
     values, changes = [np.asarray(sample[0])[None]], [np.asarray(sample[1])[:, None]]
     for done in range(0, count, PIECE):
         when = moments(count, inner)[done : done + PIECE]
-        state, rest, sample = go(
+        state, rest, sample = advance(
             fields, directions, state, rest, load.value(when), load.change(when), jnp.asarray(done)
         )
         values.append(np.asarray(sample[0]))
@@ -129,23 +129,25 @@ def programs(elements: int, held: bool, inner: int, lossy: bool) -> tuple[Callab
         return (moving, samples.channels), rest
 
     def first(numbers, tangents, pressure, change):
-        def push(direction, dp):
+        def pushforward(direction, dp):
             return jax.jvp(start, (numbers, pressure), (direction, dp), has_aux=True)
 
-        (moving, sample), (dmoving, dsample), rest = jax.vmap(push, out_axes=(None, 0, None))(tangents, change)
+        (moving, sample), (dmoving, dsample), rest = jax.vmap(pushforward, out_axes=(None, 0, None))(tangents, change)
         return (moving, dmoving), rest, (sample, dsample)
 
-    def go(numbers, tangents, state, rest, loads, change, number):
+    def advance(numbers, tangents, state, rest, loads, change, number):
         moving, dmoving = state
         at = lambda n, m, p: piece(n, m, p, rest, number)  # noqa: E731
 
-        def push(direction, dm, dp):
+        def pushforward(direction, dm, dp):
             return jax.jvp(at, (numbers, moving, loads), (direction, dm, dp), has_aux=True)
 
-        (moving, sample), (dmoving, dsample), rest = jax.vmap(push, out_axes=(None, 0, None))(tangents, dmoving, change)
+        (moving, sample), (dmoving, dsample), rest = jax.vmap(pushforward, out_axes=(None, 0, None))(
+            tangents, dmoving, change
+        )
         return (moving, dmoving), rest, (sample, dsample)
 
-    return jax.jit(first, compiler_options=QUICKLY), jax.jit(go, compiler_options=QUICKLY)
+    return jax.jit(first, compiler_options=QUICKLY), jax.jit(advance, compiler_options=QUICKLY)
 
 
 PLACES = {name: k for k, name in enumerate(CHANNELS)}

@@ -100,7 +100,7 @@ def next_recording(
             `channels`, a name or several, `samples`, their number, and `length`, in lengths of the first. None takes
             the usual ones: channels alone, three outer pressures, twice the rate, twice the length.
     """
-    known, names = np.linalg.pinv(covariance), model.space.names
+    known, names = np.linalg.pinv(covariance), model.parameters.names
     listed = usual(model, best.u) if candidates is None else candidates
     now = dict(zip(names, np.sqrt(np.diag(covariance)).tolist(), strict=True))
     return Prospects((_prospect(model, best, weighings[0], known, one) for one in listed), now)
@@ -109,7 +109,7 @@ def next_recording(
 def usual(model: Model, u: np.ndarray) -> list[dict[str, Any]]:
     """What a laboratory would think of."""
     first = model.recordings[0]
-    count, pressure = first.times.size, model.space.known[0].get("outer_pressure")
+    count, pressure = first.times.size, model.parameters.known[0].get("outer_pressure")
     found: list[dict[str, Any]] = [{}, {"samples": 2 * count}, {"samples": 2 * count, "length": 2.0}]
     held = model.seen(0, u)[0].held  # where nothing holds a shell its poles have no origin
     found += [{"channels": name} for name in ("H", "W", tuple(ACROSS), "V", "S", *(["x_front"] if held else []), ECHO)]
@@ -119,20 +119,26 @@ def usual(model: Model, u: np.ndarray) -> list[dict[str, Any]]:
 def _prospect(
     model: Model, best: SearchResult, weighing: Weighing, known: np.ndarray, change: Mapping[str, Any]
 ) -> Prospect:
-    names, first = model.space.names, model.recordings[0]
+    names, first = model.parameters.names, model.recordings[0]
     for name in change:
-        choose("candidate", name, (*model.space.table, *RECORD), noun="number of a recording")
-    numbers = {name: value for name, value in change.items() if name in model.space.table}
+        choose("candidate", name, (*model.parameters.table, *RECORD), noun="number of a recording")
+    numbers = {name: value for name, value in change.items() if name in model.parameters.table}
     for name in numbers:
-        choose("candidate", name, model.space.known[0], noun="known number", remedy="What is unknown cannot be chosen.")
+        choose(
+            "candidate",
+            name,
+            model.parameters.known[0],
+            noun="known number",
+            remedy="What is unknown cannot be chosen.",
+        )
     wanted = change.get("channels", first.channels)
     wanted = (wanted,) if isinstance(wanted, str) else tuple(wanted)
     for name in wanted:
         choose("candidate, channels", name, CHANNELS, noun="channel")
     together("candidate, channels", wanted)
     more = (*first.channels, *(name for name in wanted if name not in first.channels))
-    whole = replace(model.space, known=(model.space.known[0] | numbers, *model.space.known[1:]))
-    other = replace(model, space=whole, recordings=(replace(first, channels=more), *model.recordings[1:]))
+    whole = replace(model.parameters, known=(model.parameters.known[0] | numbers, *model.parameters.known[1:]))
+    other = replace(model, parameters=whole, recordings=(replace(first, channels=more), *model.recordings[1:]))
     near = other.standing(best.u)[0]
     modal, slope, outcomes = other.modal(0, best.u, near)
     chosen = list(weighing.modes)

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from jshell.calibration.noise import MISFIT, Noise, examine, remembered, steps_between
+from jshell.calibration.noise import MISFIT, Noise, ar1_memory, examine, steps_between
 from jshell.inversion.model import Model, Weighing
 from jshell.inversion.projection import Projection
 from jshell.inversion.recording import Recording
@@ -32,12 +32,12 @@ def examined(model: Model, projections: Sequence[Projection], weighings: Sequenc
     """The tests of calibration, of every channel of every recording."""
     found = []
     for one, projection, weighing in zip(model.recordings, projections, weighings, strict=True):
-        raw = (one.values - projection.curve) / weighing.sigma[:, None]
+        left = (one.values - projection.curve) / weighing.sigma[:, None]
         plain = np.concatenate([projection.held, projection.basis], axis=1).reshape(*one.values.shape, -1)
         rows = []
         for c, name in enumerate(one.channels):
             J = plain[c] if not weighing.memory.any() else _slopes(projection, weighing, c, one)
-            rows.append(examine(f"{name} [{one.number}]", raw[c], J, one.times, np.ones(one.times.size)))
+            rows.append(examine(f"{name} [{one.number}]", left[c], J, one.times, np.ones(one.times.size)))
         found.append(rows)
     return found
 
@@ -60,12 +60,12 @@ def reweighed(
         steps = steps_between(one.times)
         longest = LONGEST * 2 * np.pi / float(np.min(one.Omega)) / float(np.median(np.diff(one.times)))
         most = float(np.exp(-1 / max(longest, 0.1)))
-        memory = np.stack([remembered(min(n.memory, most), steps) * (np.arange(steps.size) > 0) for n in noise])
+        memory = np.stack([ar1_memory(min(n.memory, most), steps) * (np.arange(steps.size) > 0) for n in noise])
         sigma = old.sigma
         if one.sigma is None:
-            raw = one.values - projection.curve
+            left = one.values - projection.curve
             varied = projection.basis.shape[1] + projection.held.shape[1]
-            rms = np.sqrt(np.sum(raw**2, axis=1) / max(1.0, one.times.size - varied / len(one.channels)))
+            rms = np.sqrt(np.sum(left**2, axis=1) / max(1.0, one.times.size - varied / len(one.channels)))
             sigma = np.maximum(rms, SMALLEST * one.values.std(axis=1))
         steady &= bool(np.all(np.abs(sigma / old.sigma - 1) < STEADY) and np.all(np.abs(memory - old.memory) < STEADY))
         found.append(replace(old, sigma=sigma, memory=memory))

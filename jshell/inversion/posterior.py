@@ -57,10 +57,10 @@ class SimulatorPosterior(Posterior):
 
     def report(self, level: float | int = 0.95) -> str:
         """The intervals as text."""
-        told = (
+        words = (
             f"    the simulator's own density differs from that of the draws by {self.departure:.2g} of its logarithm"
         )
-        return f"{super().report(level)}\n{told}"
+        return f"{super().report(level)}\n{words}"
 
 
 class Part(NamedTuple):
@@ -113,7 +113,7 @@ def posterior(found: "Inversion", sampling: SamplerSettings) -> SimulatorPosteri
         NotOk: The simulator finds no shell near the answer.
         MissingExtra: NumPyro is not installed.
     """
-    model, best = found.model, found.ending
+    model, best = found.model, found.solution
     assert model is not None
     assert best is not None
     size = best.u.size
@@ -122,8 +122,8 @@ def posterior(found: "Inversion", sampling: SamplerSettings) -> SimulatorPosteri
     got = drawn(_energy, whole, sampling, data)
     z, variance = got.z[..., :size], float(data.variance)
     noise = np.ones(z.shape[:2]) if found.absolute else np.sqrt(variance) * np.exp(got.z[..., size])
-    shown = model.space.to_values(best.u + z @ np.asarray(data.half).T)
-    made = summarised(model.space.names, shown, noise, got.diverging, sampling.seed)
+    shown = model.parameters.to_values(best.u + z @ np.asarray(data.half).T)
+    made = summarised(model.parameters.names, shown, noise, got.diverging, sampling.seed)
     some = z.reshape(-1, size)[np.linspace(0, z[..., 0].size - 1, CHECKED).astype(int)]
     return SimulatorPosterior(**vars(made), departure=_departure(model, best, found.weighings, data, some))
 
@@ -145,11 +145,11 @@ def _data(
         elapsed = jnp.asarray(one.times - one.times[0])
         values, weight, memory = (jnp.asarray(x) for x in (one.values, 1 / weighing.sigma, weighing.memory))
         parts.append(Part(jnp.asarray(terms), elapsed, values, weight, memory, free))
-    priors = model.space.priors
+    priors = model.parameters.priors
     mean = np.array([0.0 if one is None else one.mean for one in priors])
     sigma = np.array([np.inf if one is None else one.sigma for one in priors])
-    low, high = model.space.to_u(model.space.low), model.space.to_u(model.space.high)
-    arrays = (best.u, half, low, high, model.space.logarithmic, mean, sigma, np.array(variance))
+    low, high = model.parameters.to_u(model.parameters.low), model.parameters.to_u(model.parameters.high)
+    arrays = (best.u, half, low, high, model.parameters.logarithmic, mean, sigma, np.array(variance))
     return Data(tuple(parts), *(jnp.asarray(x) for x in arrays))
 
 

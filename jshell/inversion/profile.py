@@ -45,15 +45,15 @@ def profile(
     if not 0 < level < 1:
         raise BadValue("level", found=f"{level:g}", expected="between 0 and 1", remedy="0.95 is usual.")
     far = float(scipy.special.stdtrit(freedom, (1 + level) / 2))
-    shown = lambda i, at: float(model.space.to_values(np.where(np.arange(best.u.size) == i, at, best.u))[i])  # noqa: E731
+    shown = lambda i, at: float(model.parameters.to_values(np.where(np.arange(best.u.size) == i, at, best.u))[i])  # noqa: E731
     intervals, points = [], []
     for name in names:
-        i = model.space.names.index(name)
+        i = model.parameters.names.index(name)
         (low, below, left), (high, above, right) = (
             _end(model, best, weighings, i, side, far, scale, stderr) for side in (-1, 1)
         )
         value = shown(i, best.u[i])
-        error = float(stderr[i]) * (value if model.space.logarithmic[i] else 1.0)
+        error = float(stderr[i]) * (value if model.parameters.logarithmic[i] else 1.0)
         words = [f"{side}: {text}" for side, text in (("below", below), ("above", above)) if text]
         intervals.append(Interval(name, value, shown(i, low), shown(i, high), "; ".join(words), error))
         points.append(np.array(sorted((shown(i, at), growth) for at, growth in [(best.u[i], 0.0), *left, *right])))
@@ -63,7 +63,7 @@ def profile(
 
 def _end(model, best, weighings, i, side, far, scale, stderr) -> tuple[float, str, list]:
     """Where χ² of one unknown has grown by far² on one side, or why nowhere; and the points looked at."""
-    low, high = model.space.to_u(model.space.low)[i], model.space.to_u(model.space.high)[i]
+    low, high = model.parameters.to_u(model.parameters.low)[i], model.parameters.to_u(model.parameters.high)[i]
     step, inner, outer = far * stderr[i], (0.0, 0.0), None
     u, points = best.u, []
     for _ in range(MOST):
@@ -93,7 +93,7 @@ def _end(model, best, weighings, i, side, far, scale, stderr) -> tuple[float, st
 
 def _held(model: Model, best: SearchResult, weighings, i: int, at: float, u: np.ndarray) -> tuple[np.ndarray, float]:
     """The minimum with one unknown held, from the unknowns of the point before."""
-    low, high = model.space.to_u(model.space.low).copy(), model.space.to_u(model.space.high).copy()
+    low, high = model.parameters.to_u(model.parameters.low).copy(), model.parameters.to_u(model.parameters.high).copy()
     low[i] = high[i] = at
     # along the valley that the covariance knows
     J = np.concatenate([one.jacobian for one in best.projections] + [prior_rows(model, best.u)[1]])

@@ -156,7 +156,7 @@ def together(place: str, channels: Sequence[str]) -> None:
         raise BadValue(
             place, found=", ".join(channels), expected=f"{ECHO} alone, or without it",
             remedy="How loud an echo is beside what is seen depends on hydrophone and distance: give it as a trace of "
-            "its own, js.invert([seen, heard], …).",
+            "its own, js.invert([film, echo], …).",
         )  # fmt: skip
 
 
@@ -258,7 +258,7 @@ def after_snap(trace: Trace, names: Sequence[str]) -> float:
     times, values = np.asarray(trace.times), np.asarray(trace[names[0]])
     rough = _pitch(times, values)
     at = dip(Trace(times * rough, {name: np.asarray(trace[name]) for name in names}), names) / rough
-    # the snap itself would be heard in the pitch
+    # the snap itself would be taken for the pitch
     late = times > at
     if late.sum() < 2 * FEWEST:
         return float(times[0]) if late.sum() < FEWEST else at

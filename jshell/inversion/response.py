@@ -130,8 +130,8 @@ def response_program(
 
     def response(numbers, tangents, near):
         at = lambda x: _response(x, near, base, (SEARCHED,), lossy)[0]  # noqa: E731
-        push = lambda direction: jax.jvp(at, (numbers,), (direction,))  # noqa: E731
-        return jax.vmap(push, out_axes=(None, 0))(tangents)
+        pushforward = lambda direction: jax.jvp(at, (numbers,), (direction,))  # noqa: E731
+        return jax.vmap(pushforward, out_axes=(None, 0))(tangents)
 
     return jax.jit(response, compiler_options=QUICKLY)
 
@@ -201,8 +201,8 @@ def _channels(
     S, dS = jax.value_and_grad(lambda q: area(shape, q))(q)
     widths, across = _across(shape, q, v, top, back)
     values = jnp.stack([(top - back) @ qx, 2 * wide @ qr, V, S, front @ qx, back @ qx, jnp.zeros(())])
-    heard = s**2 * (v @ dV) / (4 * jnp.pi)
-    along = [vx @ (top - back), 2 * vr @ wide, v @ dV, v @ dS, vx @ front, vx @ back, heard]
+    identified = s**2 * (v @ dV) / (4 * jnp.pi)
+    along = [vx @ (top - back), 2 * vr @ wide, v @ dV, v @ dS, vx @ front, vx @ back, identified]
     return jnp.concatenate([values, widths]), jnp.concatenate([jnp.stack(along, axis=1), across], axis=1)
 
 

@@ -49,7 +49,7 @@ class Inversion(Fit):
     levels: tuple[float, ...] = ()
     logarithmic: tuple[bool, ...] = ()
     model: Model | None = field(default=None, repr=False)
-    ending: SearchResult | None = field(default=None, repr=False)
+    solution: SearchResult | None = field(default=None, repr=False)
     weighings: tuple[Weighing, ...] = field(default=(), repr=False)
 
     @readable
@@ -109,9 +109,9 @@ class Inversion(Fit):
         Raises:
             NotOk: The search ended nowhere, and there is no curve.
         """
-        if self.ending is None or not self.ending.projections:
+        if self.solution is None or not self.solution.projections:
             raise NotOk(self.title, self.outcome)
-        pairs = zip(self.recordings, self.ending.projections, strict=True)
+        pairs = zip(self.recordings, self.solution.projections, strict=True)
         return tuple(dict(zip(one.channels, projection.curve, strict=True)) for one, projection in pairs)
 
     def times(self) -> tuple[np.ndarray, ...]:
@@ -137,10 +137,10 @@ class Inversion(Fit):
 
         self.require_ok()
         assert self.model is not None
-        assert self.ending is not None
+        assert self.solution is not None
         scale = 1.0 if self.absolute else self.reduced_chi_square
         return profile(
-            self.model, self.ending, self.weighings, names or self.varied, level=level, freedom=self.freedom,
+            self.model, self.solution, self.weighings, names or self.varied, level=level, freedom=self.freedom,
             scale=scale, stderr=np.array(self.levels),
         )  # fmt: skip
 
@@ -186,8 +186,8 @@ class Inversion(Fit):
 
         self.require_ok()
         assert self.model is not None
-        assert self.ending is not None
-        return next_recording(self.model, self.ending, self.weighings, self.spread(), candidates)
+        assert self.solution is not None
+        return next_recording(self.model, self.solution, self.weighings, self.spread(), candidates)
 
     @property
     def advice(self) -> str:
@@ -212,7 +212,7 @@ class Settled(NamedTuple):
 def drawn_up(
     model: Model,
     settled: Settled,
-    endings: Sequence[SearchResult],
+    solutions: Sequence[SearchResult],
     notes: Sequence[str],
     warnings: Sequence[str],
     rivals: Sequence[SearchResult] = (),
@@ -221,12 +221,12 @@ def drawn_up(
 ) -> Inversion:
     """The result of a minimum; `doubt` (unknowns,) is how far the simulator's own error moves it, where known."""
     best, weighings, noises = settled
-    names, space = model.space.names, model.space
-    values, logarithmic = space.to_values(best.u), space.logarithmic
+    names, parameters = model.parameters.names, model.parameters
+    values, logarithmic = parameters.to_values(best.u), parameters.logarithmic
     flat = tuple(one for part in noises for one in part)
-    told = tuple(model.told(k, one) for k, one in enumerate(weighings))
+    known_notes = tuple(model.known_notes(k, one) for k, one in enumerate(weighings))
     if not best.projections or not np.isfinite(best.cost):
-        return _nothing(model, best, endings, (*told, *notes), warnings)
+        return _nothing(model, best, solutions, (*known_notes, *notes), warnings)
     residual = np.concatenate([one.residual for one in best.projections])
     errors, linear = _errors(model, best, residual)
     doubt = doubted(model, best, list(weighings)) if doubt is None else doubt
@@ -237,14 +237,14 @@ def drawn_up(
         outcome = Outcome.RANK_DEFICIENT
         open_ones = dict.fromkeys(names, "two shells describe the recordings equally well")
         for rival in rivals:
-            other = ", ".join(f"{n} {v:.4g}" for n, v in zip(names, space.to_values(rival.u), strict=True))
+            other = ", ".join(f"{n} {v:.4g}" for n, v in zip(names, parameters.to_values(rival.u), strict=True))
             here = ", ".join(f"{n} {v:.4g}" for n, v in zip(names, values, strict=True))
             directions.append(f"as well as {here} the recordings allow {other}: know one of them, or record more modes")
     scale = np.where(logarithmic, values, 1.0)
     estimates = [
         Estimate(n, float(v), float(e * s), reason, float(b))
         for n, v, e, s, reason, b in zip(
-            names, values, errors.stderr, scale, errors.reasons, space.to_values(best.begun), strict=True
+            names, values, errors.stderr, scale, errors.reasons, parameters.to_values(best.begun), strict=True
         )
     ]
     estimates = [hidden(e, open_ones[e.name]) if e.name in open_ones else e for e in estimates]
@@ -263,36 +263,36 @@ def drawn_up(
         n_varied=len(names) + linear,
         absolute=all(one.sigma is not None for one in model.recordings),
         free_directions=tuple(directions),
-        starts=_starts(model, endings),
-        notes=(*told, *notes, *(one.words() for one in flat)),
+        starts=_starts(model, solutions),
+        notes=(*known_notes, *notes, *(one.words() for one in flat)),
         warnings=tuple(extra),
         noise=flat,
         traces=tuple(one.trace for one in model.recordings),
         versions=versions(),
-        units=tuple(space.table[plain(n)].unit for n in names),
+        units=tuple(parameters.table[plain(n)].unit for n in names),
         levels=tuple(errors.stderr),
         logarithmic=tuple(bool(x) for x in logarithmic),
         model=model,
-        ending=best,
+        solution=best,
         weighings=tuple(weighings),
     )
 
 
 def _nothing(
-    model: Model, best: SearchResult, endings: Sequence[SearchResult], notes: tuple[str, ...], warnings: Sequence[str]
+    model: Model, best: SearchResult, solutions: Sequence[SearchResult], notes: tuple[str, ...], warnings: Sequence[str]
 ) -> Inversion:
     """The result of a search that ended nowhere."""
-    names = model.space.names
+    names = model.parameters.names
     outcome = best.outcome if best.outcome != Outcome.OK else Outcome.NOT_CONVERGED
     size = len(names)
     return Inversion(
         model.title, outcome,
         tuple(Estimate(n, np.nan, reason="no start led to a shell that describes the recordings") for n in names), (),
         np.full((size, size), np.nan), np.full((size, size), np.nan), names, np.array([np.nan]), float("nan"),
-        sum(one.values.size for one in model.recordings), size, False, starts=_starts(model, endings), notes=notes,
+        sum(one.values.size for one in model.recordings), size, False, starts=_starts(model, solutions), notes=notes,
         warnings=tuple(warnings), traces=tuple(one.trace for one in model.recordings), versions=versions(),
-        units=tuple(model.space.table[plain(n)].unit for n in names), levels=(np.nan,) * size,
-        logarithmic=tuple(bool(x) for x in model.space.logarithmic), model=model, ending=best,
+        units=tuple(model.parameters.table[plain(n)].unit for n in names), levels=(np.nan,) * size,
+        logarithmic=tuple(bool(x) for x in model.parameters.logarithmic), model=model, solution=best,
     )  # fmt: skip
 
 
@@ -303,7 +303,7 @@ def _errors(model: Model, best: SearchResult, residual: np.ndarray) -> tuple[Unc
         q = np.linalg.svd(one.basis / np.linalg.norm(one.basis, axis=0), full_matrices=False)[0]
         J.append(one.held - q @ (q.T @ one.held))
     linear = sum(one.basis.shape[1] for one in best.projections)
-    size = np.where(model.space.logarithmic, 1.0, best.u)
+    size = np.where(model.parameters.logarithmic, 1.0, best.u)
     return uncertainty(
         np.concatenate(J),
         residual,
@@ -326,13 +326,15 @@ def _widened(errors: Uncertainty, doubt: np.ndarray) -> Uncertainty:
 
 def _judged(model: Model, best: SearchResult, errors: Uncertainty) -> tuple[Outcome, dict[str, str], list[str]]:
     """Outcome, unknowns that are not determined with the reason, and what is left open in words."""
-    names, logarithmic = model.space.names, model.space.logarithmic
+    names, logarithmic = model.parameters.names, model.parameters.logarithmic
     size = np.where(logarithmic, 1.0, best.u)
     # a gradient may leave two unknowns free that stand in it only together; the covariance then is that of the rest
     open_now = [(row, None) for row in errors.null]
     open_now += loose_directions(errors.covariance, size)
     outcome = best.outcome
-    if outcome == Outcome.AT_BOUND and not np.any(_on_bound(model, best.u) & ~np.array(model.space.nuisance, bool)):
+    if outcome == Outcome.AT_BOUND and not np.any(
+        _on_bound(model, best.u) & ~np.array(model.parameters.nuisance, bool)
+    ):
         outcome = Outcome.OK  # of a number that nobody asked for: there is no less than no weak spot
     # in a valley without a floor the search finds no rest: that is why
     settled = outcome in (Outcome.OK, Outcome.AT_BOUND) or len(errors.null) or described(model, best.projections)
@@ -348,18 +350,18 @@ def _judged(model: Model, best: SearchResult, errors: Uncertainty) -> tuple[Outc
 
 def _on_bound(model: Model, u: np.ndarray) -> np.ndarray:
     """Which unknowns rest on a bound."""
-    low, high = model.space.to_u(model.space.low), model.space.to_u(model.space.high)
+    low, high = model.parameters.to_u(model.parameters.low), model.parameters.to_u(model.parameters.high)
     return (u <= low) | (u >= high)
 
 
 def _derived(model: Model, best: SearchResult, errors: Uncertainty, open_ones: dict[str, str]) -> tuple[Estimate, ...]:
     """The numbers without units, and the unit of time, of the first recording."""
-    if not model.space.si or open_ones:
+    if not model.parameters.si or open_ones:
         return ()
     seen, mine = model.seen(0, best.u)
     gradient = np.zeros((5, best.u.size))
     for i in mine:
-        change, time, _ = seen.slope(plain(model.space.names[i]))
+        change, time, _ = seen.slope(plain(model.parameters.names[i]))
         gradient[:4, i], gradient[4, i] = change[:4], seen.time * time
     stderr = np.sqrt(np.maximum(np.einsum("ki,ij,kj->k", gradient, errors.covariance, gradient), 0.0))
     values = (*seen.numbers[:4], seen.time)
@@ -367,12 +369,12 @@ def _derived(model: Model, best: SearchResult, errors: Uncertainty, open_ones: d
     return tuple(Estimate(k, float(v), float(e), role="derived") for k, v, e in zip(keys, values, stderr, strict=True))
 
 
-def _starts(model: Model, endings: Sequence[SearchResult]) -> tuple[Start, ...]:
-    lowest = min((one.cost for one in endings if np.isfinite(one.cost)), default=np.inf)
+def _starts(model: Model, solutions: Sequence[SearchResult]) -> tuple[Start, ...]:
+    lowest = min((one.cost for one in solutions if np.isfinite(one.cost)), default=np.inf)
     return tuple(
         Start(
-            tuple(float(x) for x in model.space.to_values(one.begun)), float(one.cost), one.outcome, one.steps,
+            tuple(float(x) for x in model.parameters.to_values(one.begun)), float(one.cost), one.outcome, one.steps,
             bool(one.cost < lowest * (1 + 1e-3) + SAME),
         )
-        for one in endings
+        for one in solutions
     )  # fmt: skip

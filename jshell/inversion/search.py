@@ -46,8 +46,8 @@ class SearchResult:
 
 def prior_rows(model: Model, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Residual (priors,) and Jacobian (priors, unknowns) of what is known beforehand."""
-    values, logarithmic = model.space.to_values(u), model.space.logarithmic
-    known = [(i, prior) for i, prior in enumerate(model.space.priors) if prior is not None]
+    values, logarithmic = model.parameters.to_values(u), model.parameters.logarithmic
+    known = [(i, prior) for i, prior in enumerate(model.parameters.priors) if prior is not None]
     r, J = np.zeros(len(known)), np.zeros((len(known), u.size))
     for row, (i, prior) in enumerate(known):
         r[row] = (values[i] - prior.mean) / prior.sigma
@@ -114,7 +114,7 @@ def minimise(
     model: Model, u: np.ndarray, weighings: Sequence[Weighing], *, max_steps: int = 30, legs: int = LEGS
 ) -> SearchResult:
     """The minimum that a start leads to."""
-    low, high = model.space.to_u(model.space.low), model.space.to_u(model.space.high)
+    low, high = model.parameters.to_u(model.parameters.low), model.parameters.to_u(model.parameters.high)
     begun, steps, outcome = u, 0, Outcome.NOT_CONVERGED
     kept: Kept = {}
     near = model.standing(u)
@@ -146,7 +146,7 @@ def _still(moved: np.ndarray, projections: Sequence[Projection]) -> bool:
     return float(np.sum((J @ moved) ** 2)) < AT_REST
 
 
-def information(ending: SearchResult) -> np.ndarray:
+def information(solution: SearchResult) -> np.ndarray:
     """(unknowns, unknowns) what the recordings tell of the unknowns at a minimum."""
-    J = np.concatenate([one.jacobian for one in ending.projections])
+    J = np.concatenate([one.jacobian for one in solution.projections])
     return J.T @ J

@@ -156,7 +156,7 @@ class SnapModel(Model):
         """The curve of recording k in its units, its slopes with u, and how the run ended."""
         one = self.recordings[k]
         seen, mine = self.seen(k, u)
-        slopes = [seen.slope(plain(self.space.names[i])) for i in mine]
+        slopes = [seen.slope(plain(self.parameters.names[i])) for i in mine]
         curve, changes = np.zeros(one.values.shape), np.zeros((u.size, *one.values.shape))
         length = self._length(k, seen)
         outcome = Outcome.OK if length < LONGEST else Outcome.NOT_CONVERGED
@@ -195,7 +195,7 @@ class SnapModel(Model):
         """The outer pressure in the simulator's units, and its change with each of some unknowns."""
         times, values, ends = self._knots(k, seen)
         unit = _pressure_unit(seen)
-        names = [plain(self.space.names[i]) for i in mine]
+        names = [plain(self.parameters.names[i]) for i in mine]
         value = lambda t: np.interp(t * seen.time, times, values) / unit  # noqa: E731
 
         def change(t: np.ndarray) -> np.ndarray:
@@ -204,7 +204,7 @@ class SnapModel(Model):
             for row, name in enumerate(names):
                 _, time, _ = seen.slope(name)
                 out[row] = _steepness(t * seen.time, times, values) * t * seen.time * time / unit
-                out[row] -= now * PRESSURE.get(name, 0.0) * self.space.si
+                out[row] -= now * PRESSURE.get(name, 0.0) * self.parameters.si
                 if name in ends:
                     out[row] += np.interp(t * seen.time, times, ends[name]) / unit
             return out
@@ -292,10 +292,10 @@ def protocol(one: Recording, snap: Snap, asked: bool) -> Protocol:
 def _ramp(one: Recording) -> float:
     """The ramp that a record's settings tell; NaN where they do not."""
     try:
-        told = float(dict(one.trace.settings).get("ramp", "nan"))
+        words = float(dict(one.trace.settings).get("ramp", "nan"))
     except ValueError:
         return float("nan")
-    return told * (float(one.trace.scales.time) if one.si and one.trace.scales is not None else 1.0)
+    return words * (float(one.trace.scales.time) if one.si and one.trace.scales is not None else 1.0)
 
 
 def _steepness(t: np.ndarray, times: np.ndarray, values: np.ndarray) -> np.ndarray:

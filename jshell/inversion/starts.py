@@ -20,13 +20,13 @@ from scipy.interpolate import RBFInterpolator
 from scipy.stats import qmc
 
 from jshell.inversion.recording import POWER, Recording
-from jshell.inversion.unknowns import LENGTH, POWERS, TIME, Space, plain
+from jshell.inversion.unknowns import LENGTH, POWERS, TIME, ParameterSet, plain
 from jshell.shell.rest import plateau_pressure
 
 TABLE = "ringing.csv"
 PLACED = ("thickness", "gas_pressure", "outer_pressure", "viscosity")  # the table's columns before the pad
 DRAWS = 4096
-ROUNDS, AROUND, KEPT = 6, 1024, 24
+ROUNDS, AROUND, MAX_STARTS = 6, 1024, 24
 SPREADS = {"frequency": 0.04, "decay": 0.35, "rest": 0.02}  # of the interpolation, relative
 STARTS, IN_ALL = 4, 8  # tried in any case; with those that are tried where they leave a misfit
 APART = 0.05  # of the bounds' span: starts nearer than this are one
@@ -34,8 +34,8 @@ ELSEWHERE = 0.15  # of the span too, between starts that are tried where the bes
 WORSE = 60.0  # of χ² above the best that a start may lie which is tried in any case
 OUTSIDE = 1e4
 PREFERRED = 1.0  # of χ², for each mode passed over
-OVERTONE, UNHEARD = 2.0, 30.0  # of χ², for a frequency that is an octave, and for one that is nothing
-OVERDAMPED = 0.15  # 1/(τ Ω) by the wall alone, up to which a mode is heard in any case
+OVERTONE, MISSED = 2.0, 30.0  # of χ², for a frequency that is an octave, and for one that is nothing
+OVERDAMPED = 0.15  # 1/(τ Ω) by the wall alone, up to which a mode is found in any case
 TINY = 1e-300  # a time that adds nothing to any decay
 OCTAVE = 0.15  # how far from twice the other the frequency of a large, decaying motion may be
 
@@ -76,14 +76,14 @@ def table(held: bool) -> Table:
     return Table(rows[(rows[:, 4] > 0) == held], held)
 
 
-def starts(recordings: tuple[Recording, ...], space: Space) -> tuple[np.ndarray, int]:
+def starts(recordings: tuple[Recording, ...], parameters: ParameterSet) -> tuple[np.ndarray, int]:
     """(starts, unknowns) as the solver sees them, the most promising first; and how many are nearly as promising."""
-    low, high = space.to_u(space.low), space.to_u(space.high)
-    cost = lambda draws: promise(recordings, space, low + draws * (high - low))  # noqa: E731
+    low, high = parameters.to_u(parameters.low), parameters.to_u(parameters.high)
+    cost = lambda draws: promise(recordings, parameters, low + draws * (high - low))  # noqa: E731
     draws = qmc.Sobol(low.size, seed=0).random(DRAWS)  # pyright: ignore[reportCallIssue]
     centres = [
         _about(prior, lo, hi, log)
-        for prior, lo, hi, log in zip(space.priors, low, high, space.logarithmic.tolist(), strict=True)
+        for prior, lo, hi, log in zip(parameters.priors, low, high, parameters.logarithmic.tolist(), strict=True)
     ]
     for i, centre in enumerate(centres):
         if centre is not None:  # what is known beforehand is drawn from that
@@ -93,7 +93,7 @@ def starts(recordings: tuple[Recording, ...], space: Space) -> tuple[np.ndarray,
     generator = np.random.default_rng(0)
     spread = 0.5 * DRAWS ** (-1 / low.size)
     for _ in range(ROUNDS):
-        best = np.argsort(chi)[:KEPT]
+        best = np.argsort(chi)[:MAX_STARTS]
         around = draws[best][generator.integers(0, best.size, AROUND)]
         around = np.clip(around + spread * generator.standard_normal(around.shape), 0.0, 1.0)
         draws, chi = np.concatenate([draws[best], around]), np.concatenate([chi[best], cost(around)])
@@ -123,29 +123,29 @@ def _about(prior, low: float, high: float, logarithmic: bool) -> tuple[float, fl
     return (mean - low) / (high - low), sigma / (high - low)
 
 
-def promise(recordings: tuple[Recording, ...], space: Space, u: np.ndarray) -> np.ndarray:
+def promise(recordings: tuple[Recording, ...], parameters: ParameterSet, u: np.ndarray) -> np.ndarray:
     """(draws,) χ² of what the recordings show of themselves under the table, prior knowledge with it."""
-    values = space.to_values(u)
+    values = parameters.to_values(u)
     total = np.zeros(len(u))
-    for prior, column in zip(space.priors, values.T, strict=True):
+    for prior, column in zip(parameters.priors, values.T, strict=True):
         if prior is not None:
             total += ((column - prior.mean) / prior.sigma) ** 2
     for k, one in enumerate(recordings):
-        known = space.known[k]
+        known = parameters.known[k]
         numbers = {name: np.full(len(u), value) for name, value in known.items()}
-        for name, column in zip(space.names, values.T, strict=True):
+        for name, column in zip(parameters.names, values.T, strict=True):
             if "[" not in name or name.endswith(f"[{k + 1}]"):
                 numbers[plain(name)] = column
-        seen = {field: _product(numbers, POWERS[field]) if space.si else numbers[field] for field in POWERS}
+        seen = {field: _product(numbers, POWERS[field]) if parameters.si else numbers[field] for field in POWERS}
         one_each = (np.ones(len(u)), np.ones(len(u)))
-        time, length = (_product(numbers, TIME), _product(numbers, LENGTH)) if space.si else one_each
+        time, length = (_product(numbers, TIME), _product(numbers, LENGTH)) if parameters.si else one_each
         held = bool(np.any(numbers["pad"] > 0))
         there = table(held)
         d, gas, outer, viscosity = (seen[name] for name in PLACED)
         log_omega, log_rate, rest, outside = there(there.place(d, gas, outer, viscosity, numbers["pad"]))
         # the table's walls lose nothing: a Kelvin-Voigt wall adds about half its time times Ω² to a mode's decay
         log_rate = np.logaddexp(log_rate, 2 * log_omega + np.log(0.5 * seen["retardation"] + TINY)[:, None])
-        # and a mode that it damps beyond this share of its frequency would not be heard
+        # and a mode that it damps beyond this share of its frequency would not be found
         beyond = np.log(0.5 * numbers["retardation"] * one.Omega.max() / OVERDAMPED + TINY)
         total += (np.maximum(beyond, 0.0) / SPREADS["decay"]) ** 2
         total += OUTSIDE * outside**2
@@ -165,8 +165,8 @@ def _frequencies(one: Recording, log_omega: np.ndarray, log_rate: np.ndarray) ->
     """The best way to see the recording's frequencies among the three lowest modes, or as what is none of them."""
     shown = np.log(one.Omega)
     best = np.full(len(log_omega), np.inf)
-    for heard, modes, price in _ways(one.Omega):
-        off = (log_omega[:, modes] - shown[heard]) / SPREADS["frequency"]
+    for identified, modes, price in _ways(one.Omega):
+        off = (log_omega[:, modes] - shown[identified]) / SPREADS["frequency"]
         slow = (log_rate[:, modes[0]] + np.log(one.tau)) / SPREADS["decay"]
         best = np.minimum(best, np.sum(off**2, axis=1) + slow**2 + price)
     return best
@@ -176,15 +176,15 @@ def _ways(shown: np.ndarray) -> list[tuple[list[int], list[int], float]]:
     """Which of the frequencies are which modes, and what it costs to think so."""
     found = []
     for count in range(1, len(shown) + 1):
-        for heard in combinations(range(len(shown)), count):
-            passed = [k for k in range(len(shown)) if k not in heard]
-            price = sum(OVERTONE if _is_overtone(k, heard, shown) else UNHEARD for k in passed)
+        for identified in combinations(range(len(shown)), count):
+            passed = [k for k in range(len(shown)) if k not in identified]
+            price = sum(OVERTONE if _is_overtone(k, identified, shown) else MISSED for k in passed)
             for modes in combinations(range(3), count):
                 # a mode that is not seen among faster ones may be still, but that is not likely
-                found.append((list(heard), list(modes), price + PREFERRED * (modes[-1] + 1 - count)))
+                found.append((list(identified), list(modes), price + PREFERRED * (modes[-1] + 1 - count)))
     return found
 
 
-def _is_overtone(k: int, heard: tuple[int, ...], shown: np.ndarray) -> bool:
+def _is_overtone(k: int, identified: tuple[int, ...], shown: np.ndarray) -> bool:
     """Whether a frequency is about twice another one: that of a large motion."""
-    return any(abs(shown[k] / (2 * shown[j]) - 1) < OCTAVE for j in heard)
+    return any(abs(shown[k] / (2 * shown[j]) - 1) < OCTAVE for j in identified)

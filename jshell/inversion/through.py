@@ -28,7 +28,7 @@ from jshell.inversion.recording import FEWEST, Recording, after_snap, channels_o
 from jshell.inversion.result import Inversion, Settled, drawn_up
 from jshell.inversion.search import SearchResult, information, prior_rows, projections_at, solve
 from jshell.inversion.snap import Snap, SnapModel, protocol
-from jshell.inversion.unknowns import Space, Unknown, plain, space
+from jshell.inversion.unknowns import ParameterSet, Unknown, parameters, plain
 from jshell.trace import Trace
 
 SPOT = Unknown(low=0.01, high=0.5, nuisance=True)
@@ -58,7 +58,7 @@ class Question:
 
 
 @dataclass(frozen=True)
-class Search:
+class SearchTask:
     """One search, for any engine."""
 
     model: SnapModel
@@ -80,15 +80,15 @@ def through(question: Question, snap: Snap, modal: Modal, nuisances: Nuisances |
         nuisances: What no laboratory knows exactly, or None where that is not to be sought.
     """
     records, ringing = zip(*(_whole(one, k, question) for k, one in enumerate(question.traces, 1)), strict=True)
-    asked, told = dict(question.asked), {*question.asked, *question.known[0]}
+    asked, known_notes = dict(question.asked), {*question.asked, *question.known[0]}
     if asked and nuisances is not None:
-        asked |= {n: w for n, w in nuisances(records).items() if n not in told and n != "weak_spot"}
+        asked |= {n: w for n, w in nuisances(records).items() if n not in known_notes and n != "weak_spot"}
     question = replace(question, asked=asked, window=(max(ringing), question.window[1]))
     if asked and all(
         "weak_spot" not in {**one.known, **said} for one, said in zip(records, question.known, strict=True)
     ):
         asked = {"weak_spot": SPOT} | asked
-    whole = space(
+    whole = parameters(
         [{**one.known, **said} for one, said in zip(records, question.known, strict=True)], asked, question.local,
         question.si,
     )  # fmt: skip
@@ -100,15 +100,15 @@ def through(question: Question, snap: Snap, modal: Modal, nuisances: Nuisances |
 
     begun, notes = _begun(model, question, modal)
     ranked = sorted((_ending(model, u, weighings) for u in begun), key=lambda one: one.cost)
-    endings = _searched(model, [one.u for one in ranked[: max(1, snap.starts)]], weighings)
-    best = endings[0]
+    solutions = _searched(model, [one.u for one in ranked[: max(1, snap.starts)]], weighings)
+    best = solutions[0]
     if best.outcome not in (Outcome.OK, Outcome.AT_BOUND):
-        return drawn_up(model, Settled(best, weighings, []), endings, (*notes, _counted(model)), ())
+        return drawn_up(model, Settled(best, weighings, []), solutions, (*notes, _counted(model)), ())
     best, weighings, noises = _settled(model, best, weighings)
     best, noises, doubt, note = _corrected(model, best, weighings, noises)
-    told = (*notes, note, _counted(model))
+    known_notes = (*notes, note, _counted(model))
     settled = Settled(best, weighings, noises)
-    return drawn_up(model, settled, endings, told, misfits(model, best, noises), doubt=doubt)
+    return drawn_up(model, settled, solutions, known_notes, misfits(model, best, noises), doubt=doubt)
 
 
 def _whole(trace: Trace, number: int, question: Question) -> tuple[Recording, float]:
@@ -131,7 +131,7 @@ def _whole(trace: Trace, number: int, question: Question) -> tuple[Recording, fl
     return replace(found, times=times, values=values), float(found.times[0])
 
 
-def _kept(records: Sequence[Recording], whole: Space, protocols: Sequence[Any], snap: Snap) -> Kept:
+def _kept(records: Sequence[Recording], whole: ParameterSet, protocols: Sequence[Any], snap: Snap) -> Kept:
     """What is simulated of this problem, and of no other."""
     shells = [sorted(one.items()) for one in whole.known]
     made_of = [[one.channels, one.times] for one in records], shells, whole.names, whole.si
@@ -141,8 +141,8 @@ def _kept(records: Sequence[Recording], whole: Space, protocols: Sequence[Any], 
 
 def _begun(model: SnapModel, question: Question, modal: Modal) -> tuple[np.ndarray, tuple[str, ...]]:
     """(starts, unknowns) where searches may begin, and what led there in words."""
-    names, to_u = model.space.names, model.space.to_u
-    low, high = model.space.low, model.space.high
+    names, to_u = model.parameters.names, model.parameters.to_u
+    low, high = model.parameters.low, model.parameters.high
     spots = SPOTS if "weak_spot" in names else SPOTS[1:2]
     if question.begin is not None:
         spots = spots if "weak_spot" not in question.begin else (question.begin["weak_spot"],)
@@ -157,18 +157,18 @@ def _begun(model: SnapModel, question: Question, modal: Modal) -> tuple[np.ndarr
 
 def _from_modes(model: SnapModel, question: Question, modal: Modal) -> tuple[dict[str, float], tuple[str, ...]]:
     """What the ring-down says of the unknowns."""
-    spot = {"weak_spot": SPOTS[1]} if "weak_spot" in map(plain, model.space.names) else {}
+    spot = {"weak_spot": SPOTS[1]} if "weak_spot" in map(plain, model.parameters.names) else {}
     said = [dict(one) | spot for one in question.known]
     asked = {n: w for n, w in question.asked.items() if n != "weak_spot"}
     found = modal(replace(question, known=said, asked=asked))
-    if found.ending is None or found.model is None or not np.isfinite(found.ending.cost):
+    if found.solution is None or found.model is None or not np.isfinite(found.solution.cost):
         raise UnusableData(
             "ring-down", found=f"{found.outcome.word}: it does not say where to begin",
             expected="values of the unknowns to begin at", remedy="Write begin={…}, or record longer.",
         )  # fmt: skip
-    values = found.model.space.to_values(found.ending.u)
-    words = ", ".join(f"{n} {v:.4g}" for n, v in zip(found.model.space.names, values, strict=True))
-    return dict(zip(found.model.space.names, values.tolist(), strict=True)), (f"begun at the ring-down's {words}",)
+    values = found.model.parameters.to_values(found.solution.u)
+    words = ", ".join(f"{n} {v:.4g}" for n, v in zip(found.model.parameters.names, values, strict=True))
+    return dict(zip(found.model.parameters.names, values.tolist(), strict=True)), (f"begun at the ring-down's {words}",)
 
 
 def _ending(
@@ -181,9 +181,9 @@ def _ending(
     return SearchResult(u, model.standing(u), projections, cost, outcome, 0, u if begun is None else begun.begun)
 
 
-def search(task: Search) -> tuple[np.ndarray, int, int]:
+def search(task: SearchTask) -> tuple[np.ndarray, int, int]:
     """Where a start leads, how the way ended, and its steps; a plain function for any engine."""
-    model, whole = task.model, task.model.space
+    model, whole = task.model, task.model.parameters
     low, high = whole.to_u(whole.low), whole.to_u(whole.high)
     found = solve(
         model, model.standing(task.u), task.weighings, np.clip(task.u, low, high), (low, high), max_steps=STEPS,
@@ -194,7 +194,7 @@ def search(task: Search) -> tuple[np.ndarray, int, int]:
 
 def _searched(model: SnapModel, begun: Sequence[np.ndarray], weighings: Sequence[Weighing]) -> list[SearchResult]:
     """Where the starts end, the best first."""
-    tasks = [Search(model, u, weighings) for u in begun]
+    tasks = [SearchTask(model, u, weighings) for u in begun]
     engine = model.snap.engine
     if engine == "inline" or len(tasks) == 1:
         found = [search(one) for one in tasks]
@@ -203,14 +203,14 @@ def _searched(model: SnapModel, begun: Sequence[np.ndarray], weighings: Sequence
             found = _submitted(opened, tasks)
     else:
         found = _submitted(engine, tasks)
-    endings = []
+    solutions = []
     for one, (u, outcome, steps) in zip(tasks, found, strict=True):
         at = _ending(model, u, weighings)
-        endings.append(replace(at, outcome=Outcome(max(outcome, int(at.outcome))), steps=steps, begun=one.u))
-    return sorted(endings, key=lambda one: one.cost if one.outcome in (Outcome.OK, Outcome.AT_BOUND) else np.inf)
+        solutions.append(replace(at, outcome=Outcome(max(outcome, int(at.outcome))), steps=steps, begun=one.u))
+    return sorted(solutions, key=lambda one: one.cost if one.outcome in (Outcome.OK, Outcome.AT_BOUND) else np.inf)
 
 
-def _submitted(engine: Executor, tasks: Sequence[Search]) -> list[tuple[np.ndarray, int, int]]:
+def _submitted(engine: Executor, tasks: Sequence[SearchTask]) -> list[tuple[np.ndarray, int, int]]:
     """All tasks on an engine; one whose process died is given out again."""
     sent = [replace(one, model=replace(one.model, snap=replace(one.model.snap, engine="inline", progress=None)))
             for one in tasks]  # fmt: skip
@@ -228,7 +228,7 @@ def _submitted(engine: Executor, tasks: Sequence[Search]) -> list[tuple[np.ndarr
 
 def _again(model: SnapModel, best: SearchResult, weighings: Sequence[Weighing]) -> SearchResult:
     """The minimum anew, from where it was; or the old one, where the new way led nowhere."""
-    u, outcome, _ = search(Search(model, best.u, weighings))
+    u, outcome, _ = search(SearchTask(model, best.u, weighings))
     found = _ending(model, u, weighings, best)
     if outcome in (Outcome.OK, Outcome.AT_BOUND):
         return replace(found, outcome=Outcome(outcome), steps=best.steps)
@@ -263,17 +263,17 @@ def _corrected(
         if np.all(np.abs(step) < FAR * size):
             break
     noises = examined(model, best.projections, weighings)
-    pull = np.zeros(size.size)
+    pullback = np.zeros(size.size)
     for k, one in enumerate(best.projections):
         moved = replace(model, offsets=[(1 + DOUBT) * offset for offset in model.offsets])
         other, _ = moved.project(k, best.u, best.near[k], weighings[k])
-        pull += one.jacobian.T @ (other.residual - one.residual)
-    doubt = np.linalg.pinv(information(best)) @ pull
+        pullback += one.jacobian.T @ (other.residual - one.residual)
+    doubt = np.linalg.pinv(information(best)) @ pullback
     shift = np.abs(best.u - before.u) / np.where(size > 0, size, np.inf)
     worst = int(np.argmax(shift))
     return best, noises, doubt, (
-        f"corrected from {model.elements} elements to a finer mesh and shorter steps: {model.space.names[worst]} moved "
-        f"by {shift[worst]:.2g} standard errors of the noise"
+        f"corrected from {model.elements} elements to a finer mesh and shorter steps: "
+        f"{model.parameters.names[worst]} moved by {shift[worst]:.2g} standard errors of the noise"
     )  # fmt: skip
 
 

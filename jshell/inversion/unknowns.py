@@ -148,7 +148,7 @@ class Seen:
 
 
 @dataclass(frozen=True)
-class Space:
+class ParameterSet:
     """All unknowns of a fit, those of single recordings among them.
 
     Attributes:
@@ -199,12 +199,12 @@ def plain(name: str) -> str:
     return name.partition("[")[0]
 
 
-def space(
+def parameters(
     known: Sequence[Mapping[str, float]],
     unknown: Iterable[str] | Mapping[str, Any],
     local: Iterable[str],
     si: bool,
-) -> Space:
+) -> ParameterSet:
     """The unknowns of a fit, checked.
 
     Args:
@@ -265,7 +265,7 @@ def space(
         if not a <= mean <= b:
             raise BadValue(name, found=f"prior {mean:g}", expected=f"{a:g} to {b:g}", remedy="Widen the bounds.")
     priors, extra = (tuple(getattr(one, field) for _, one in rows) for field in ("prior", "nuisance"))
-    return Space(tuple(n for n, _ in rows), low, high, priors, si, tuple(whole), extra)
+    return ParameterSet(tuple(n for n, _ in rows), low, high, priors, si, tuple(whole), extra)
 
 
 def _check(known: Mapping[str, float], table: Mapping[str, Number]) -> None:

@@ -47,13 +47,13 @@ def check_roles(channels: Sequence[str], sigma: Sequence[str], place: Callable[[
 SECONDS = Scales(1.0, 1.0, 1.0)  # of a record in SI whose shell is not told: its unit of time is the second
 
 
-def dimensionless(sheet: Sheet, scales: Scales | None, *, told: bool) -> tuple[Columns, dict[str, str]]:
+def dimensionless(sheet: Sheet, scales: Scales | None, *, known: bool) -> tuple[Columns, dict[str, str]]:
     """The sheet's columns, each divided by the unit that jshell uses, and the units that have no such unit.
 
     Args:
         sheet: The columns.
         scales: SI values of the units, where the conditions give them.
-        told: Whether there are conditions; a record without them stays in SI (`SECONDS`).
+        known: Whether there are conditions; a record without them stays in SI (`SECONDS`).
 
     Raises:
         BadUnits: A unit that is unknown, that contradicts the name, or that nothing makes dimensionless; a quantity
@@ -61,7 +61,7 @@ def dimensionless(sheet: Sheet, scales: Scales | None, *, told: bool) -> tuple[C
     """
     if all(unit is None for unit in sheet.units):
         return {name: values.copy() for name, values in zip(sheet.names, sheet.columns, strict=True)}, {}
-    si = not told
+    si = not known
     columns, own = {}, {}
     for name, written, values in zip(sheet.names, sheet.units, sheet.columns, strict=True):
         if written is None:

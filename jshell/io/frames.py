@@ -27,10 +27,10 @@ def from_pandas(frame: Any, conditions: Reduced | None, scales: Scales | None, s
     index = frame.index
     if index.name is not None or index.dtype.kind in "mM" or index.dtype.kind == "f":
         _add(found, passed, str(index.name or "time"), None, np.asarray(index))
-    told = dict(frame.attrs.get("units", {}))
+    known = dict(frame.attrs.get("units", {}))
     for k, name in enumerate(frame.columns):
         label = " ".join(map(str, name)) if isinstance(name, tuple) else str(name)
-        _add(found, passed, label, told.get(name), frame.iloc[:, k].to_numpy())
+        _add(found, passed, label, known.get(name), frame.iloc[:, k].to_numpy())
     return _trace("DataFrame", found, passed, _entries(conditions, scales), said)
 
 

@@ -72,12 +72,12 @@ def _rigol(file: NamedBytes, layout: Layout, above: Above) -> Known | None:
     words = [name.lower() for name in names]
     if not {"start", "increment"} <= set(words) or len(below) < len(names) or below[0].lower() != "sequence":
         return None
-    told = {key: (below[words.index(key)], f"row {number + 1}") for key in ("start", "increment")}
+    header = {key: (below[words.index(key)], f"row {number + 1}") for key in ("start", "increment")}
     size = len(layout.kinds)
-    own = [name if name.lower() not in told else "" for name in names] + [""] * size
+    own = [name if name.lower() not in header else "" for name in names] + [""] * size
     units = [None if not name or k == 0 else cell for k, (name, cell) in enumerate(zip(own, below, strict=False))]
     titles = Titles(("sequence", *own[1:size]), tuple([*units, *[None] * size][:size]), number, number)
-    return Known("Rigol", titles, even_of(told))
+    return Known("Rigol", titles, even_of(header))
 
 
 def _rigol_line(file: NamedBytes, layout: Layout, above: Above) -> Known | None:
@@ -85,15 +85,15 @@ def _rigol_line(file: NamedBytes, layout: Layout, above: Above) -> Known | None:
     if not above:
         return None
     number, cells = above[-1]
-    told = {m[1].lower(): (m[2], f"row {number}") for cell in cells if (m := _TWICE.fullmatch(cell))}
-    if "tinc" not in told:
+    header = {m[1].lower(): (m[2], f"row {number}") for cell in cells if (m := _TWICE.fullmatch(cell))}
+    if "tinc" not in header:
         return None
     size = len(layout.kinds)
     names = [cell for cell in cells if cell and not _TWICE.fullmatch(cell)]
     pairs = [(name[:-1], "V") if re.fullmatch(r"CH\d+V|D\d+V", name) else parted(name) for name in names]
     pairs += [("", None)] * size
     names, units = tuple(one[0] for one in pairs[:size]), tuple(one[1] for one in pairs[:size])
-    return Known("Rigol", Titles(names, units, number, number), even_of(told))
+    return Known("Rigol", Titles(names, units, number, number), even_of(header))
 
 
 def _tektronix(file: NamedBytes, layout: Layout, above: Above) -> Known | None:
@@ -101,19 +101,19 @@ def _tektronix(file: NamedBytes, layout: Layout, above: Above) -> Known | None:
     here = [k for k, kind in enumerate(layout.kinds) if kind == NUMBERS]
     if above or len(here) != 2 or here[0] < 2 or any(layout.kinds[k] not in (EMPTY, WORDS) for k in range(here[0])):
         return None
-    told = {}
+    header = {}
     for number, line in enumerate(lines(file), 1):
         cells = split(line, layout.mark)
         if number > 60 or len(cells) < 2:
             break
         if cells[0]:
-            told[cells[0].lower().rstrip(":")] = cells[1]
-    if not any(key in told for key in _BESIDE):
+            header[cells[0].lower().rstrip(":")] = cells[1]
+    if not any(key in header for key in _BESIDE):
         return None
     names = [""] * len(layout.kinds)
     units: list[str | None] = [None] * len(layout.kinds)
-    names[here[0]], units[here[0]] = "t", told.get("horizontal units") or "s"
-    names[here[1]], units[here[1]] = told.get("source") or "CH1", told.get("vertical units") or None
+    names[here[0]], units[here[0]] = "t", header.get("horizontal units") or "s"
+    names[here[1]], units[here[1]] = header.get("source") or "CH1", header.get("vertical units") or None
     return Known("Tektronix", Titles(tuple(names), tuple(units), None, None))
 
 

@@ -56,7 +56,7 @@ def header_notes(file: str, layout: Layout, titles: Titles) -> Notes:
         BadFile: A condition in a line that is no comment, which would be lost.
     """
     entries, comments, others = [], [], []
-    told: dict[str, tuple[str, str]] = {}
+    header: dict[str, tuple[str, str]] = {}
     marked = [line for _, line in layout.above if is_comment(line, layout.mark)]
     all_padded = bool(marked) and all(_padded(line, layout.mark) != line.strip() for line in marked)
     for number, line in layout.above:
@@ -71,7 +71,7 @@ def header_notes(file: str, layout: Layout, titles: Titles) -> Notes:
                 entries.append(found)
             else:
                 comments.append(Entry("", short.lstrip("#%;/! \t"), place))
-            told |= _told([short.lstrip("#%;/! \t")], f"row {number}")
+            header |= _entries([short.lstrip("#%;/! \t")], f"row {number}")
         elif titles.line is None or titles.first is None or not titles.first <= number <= layout.start:
             lost = _CONDITION.match(line)
             if lost is not None:
@@ -82,24 +82,24 @@ def header_notes(file: str, layout: Layout, titles: Titles) -> Notes:
                     remedy=f"Begin the line with `#`: `# {lost[1]}: {brief(lost[2].strip(layout.mark), 20)}`.",
                 )
             others.append((number, line))
-            told |= _told(split(line, layout.mark), f"row {number}")
-    return Notes(tuple(entries), tuple(comments), _shown(others), even_of(told))
+            header |= _entries(split(line, layout.mark), f"row {number}")
+    return Notes(tuple(entries), tuple(comments), _shown(others), even_of(header))
 
 
-def even_of(told: dict[str, tuple[str, str]]) -> Even | None:
+def even_of(header: dict[str, tuple[str, str]]) -> Even | None:
     """Even times from what is told of them, None where no step is."""
-    start = next((number for key in FIRSTS if (number := _seconds(told, key)) is not None), 0.0)
+    start = next((number for key in FIRSTS if (number := _seconds(header, key)) is not None), 0.0)
     for key in (*STEPS, *RATES):
-        number = _seconds(told, key, inverse=key in RATES)
+        number = _seconds(header, key, inverse=key in RATES)
         if number is not None and number > 0:
-            value, place = told[key]
+            value, place = header[key]
             return Even(start, number, f"`{key}` {value} at {place}")
     return None
 
 
-def _seconds(told: dict[str, tuple[str, str]], key: str, *, inverse: bool = False) -> float | None:
+def _seconds(header: dict[str, tuple[str, str]], key: str, *, inverse: bool = False) -> float | None:
     """A time that is told, in seconds; of a rate, one over it."""
-    text = told[key][0] if key in told else ""
+    text = header[key][0] if key in header else ""
     if text.count(",") == 1 and "." not in text:  # a step is never in thousands
         text = text.replace(",", ".")
     found = _VALUE.fullmatch(text)
@@ -113,7 +113,7 @@ def _seconds(told: dict[str, tuple[str, str]], key: str, *, inverse: bool = Fals
     return number * factor if dimension == "time" else None
 
 
-def _told(cells: Sequence[str], place: str) -> dict[str, tuple[str, str]]:
+def _entries(cells: Sequence[str], place: str) -> dict[str, tuple[str, str]]:
     """A key with its value from the cells of a line, or from `key: value`."""
     filled = [cell.strip('" ') for cell in cells if cell.strip('" ')]
     if len(filled) == 1:

@@ -103,7 +103,7 @@ def understood(sheet: Sheet, meta: Source | None = None, reading: Reading | None
     problem, unit = _agreed(sheet, extra, meta)
     sheet = roles.record(sheet, reading, dimensional=problem is None)
 
-    columns, own = dimensionless(sheet, unit, told=problem is not None)
+    columns, own = dimensionless(sheet, unit, known=problem is not None)
     si = problem is None and "t" not in sheet.pure and any(one is not None for one in sheet.units)
     unit = SECONDS if si else unit
     check_finite(columns, sheet.place)
@@ -179,7 +179,7 @@ def read_table(
     # A table may vary what a header would fix, so its conditions matter only where there are units.
     with_units = any(unit is not None for unit in sheet.units)
     unit = headers.conditions(sheet.entries, sheet.file)[1] if with_units else None
-    columns, _ = dimensionless(sheet, unit, told=True)
+    columns, _ = dimensionless(sheet, unit, known=True)
     check_values(columns, sheet.place)
     return columns
 

@@ -39,7 +39,7 @@ FEWEST = 4  # orders that are always looked at
 FINER = 1.5  # elements from one look to the next
 LOOKS = 5
 SETTLED = 0.01  # relative change of the lowest eigenvalue at which the elements are enough
-HELD = 100.0  # stiffness given to motions that cost nothing
+NULL_STIFFNESS = 100.0  # stiffness given to motions that cost nothing
 
 
 class Stability(eqx.Module):
@@ -213,7 +213,7 @@ def _softest(shape: Meridian, splines: Azimuthal, hessians, nulls, orders):
         order = order_of(shape, splines, hessians, nulls, m)
         held = order.gram @ order.nulls
         L = jnp.linalg.cholesky(order.gram)
-        half = jax.scipy.linalg.solve_triangular(L, order.K + HELD * held @ held.T, lower=True)
+        half = jax.scipy.linalg.solve_triangular(L, order.K + NULL_STIFFNESS * held @ held.T, lower=True)
         compact = jax.scipy.linalg.solve_triangular(L, half.T, lower=True)
         values, vectors = jnp.linalg.eigh((compact + compact.T) / 2)
         return values[0], jax.scipy.linalg.solve_triangular(L.T, vectors[:, 0], lower=False)

@@ -293,10 +293,10 @@ def _run(
         accepted = jnp.full(shape, (ts.size - 1) * substeps)
         rejected = jnp.zeros_like(accepted)
         outcome = jnp.asarray(_ENDED)[jnp.where(run.ending < 0, DIVERGED + 1, run.ending)]
-        told = f"rk4, {substeps} steps a sample"
+        words = f"rk4, {substeps} steps a sample"
     else:
         motion, ended, outcome, accepted, rejected = _adaptive(driven, start, ts, solver, step, options, limit)
-        told = solver + (f", rtol {options[0]:g}, atol {options[1]:g}" if step is None else f", step {step:g}")
+        words = solver + (f", rtol {options[0]:g}, atol {options[1]:g}" if step is None else f", step {step:g}")
 
     outcome = jnp.where(is_buckled(driven.state), outcome, int(Outcome.NO_BUCKLED_STATE))
     usable = jnp.asarray(True)
@@ -310,7 +310,7 @@ def _run(
     failed = (outcome != int(Outcome.OK)) & ~jnp.isfinite(ended)
     past = (ts.reshape(-1, *(1,) * len(shape)) >= ended[None]) | failed[None]
     motion = jax.tree.map(lambda part: jnp.where(past, jnp.nan, part), motion)
-    return Response(ts, motion, driven, outcome, ended, accepted, rejected, told)
+    return Response(ts, motion, driven, outcome, ended, accepted, rejected, words)
 
 
 def batch_shape(driven: Driven, initial: Any, t: jax.Array) -> tuple[int, ...]:

@@ -108,7 +108,7 @@ def trace_jacobian(
         c = Coefficients(u[0], u[1], u[2], u[3], coefficients.beta2, coefficients.dipole)
         return uniform_propagator(matrices(c, state, conditions), step, count)[:, :2]
 
-    push = lambda direction: jax.jvp(motion, (at,), (direction,))  # noqa: E731
-    propagator, slopes = jax.vmap(push, out_axes=(None, -1))(jnp.eye(4))
+    pushforward = lambda direction: jax.jvp(motion, (at,), (direction,))  # noqa: E731
+    propagator, slopes = jax.vmap(pushforward, out_axes=(None, -1))(jnp.eye(4))
     by_constants = jnp.einsum("tijk,j->tik", slopes, initial)
     return propagator @ initial, jnp.concatenate([by_constants, propagator], axis=-1)

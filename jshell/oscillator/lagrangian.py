@@ -118,8 +118,8 @@ def inertial_force(position: Pair, velocity: Pair, coefficients: Coefficients) -
         return _slopes(lambda v: kinetic_energy(q, v, coefficients), v)
 
     drift = jax.jvp(momentum, (q,), (v,))[1]
-    push = _slopes(lambda q: kinetic_energy(q, v, coefficients), q)
-    return push[0] - drift[0], push[1] - drift[1]
+    pushforward = _slopes(lambda q: kinetic_energy(q, v, coefficients), q)
+    return pushforward[0] - drift[0], pushforward[1] - drift[1]
 
 
 def elastic_force(

@@ -241,8 +241,8 @@ def _sweep(given: Any, amplitude: jax.Array, angular_frequencies: jax.Array, ste
 
     system = matrices(coefficients, state, conditions)
     s = 1j * angular_frequencies[0]
-    push = jnp.array([-amplitude, 0.0]) / 1j + 0j  # p = A sin ωt is the imaginary part; V feels -p
-    linear = jnp.linalg.solve(system.stiffness + s * system.damping + s**2 * system.mass, push * 1j)
+    pushforward = jnp.array([-amplitude, 0.0]) / 1j + 0j  # p = A sin ωt is the imaginary part; V feels -p
+    linear = jnp.linalg.solve(system.stiffness + s * system.damping + s**2 * system.mass, pushforward * 1j)
     start = rest.at[:2].add(jnp.imag(linear)).at[2:4].add(jnp.imag(s * linear))
     _, (volume, lines, size, closed, inside) = jax.lax.scan(follow, start, angular_frequencies)
     scattered = lines[..., 1] / (4 * jnp.pi)
@@ -256,5 +256,5 @@ def _sweep(given: Any, amplitude: jax.Array, angular_frequencies: jax.Array, ste
 
 def _value_and_slopes(function: Any, at: jax.Array) -> tuple[jax.Array, jax.Array]:
     """A map and its Jacobian in one forward sweep."""
-    push = lambda direction: jax.jvp(function, (at,), (direction,))  # noqa: E731
-    return jax.vmap(push, out_axes=(None, -1))(jnp.eye(at.size))
+    pushforward = lambda direction: jax.jvp(function, (at,), (direction,))  # noqa: E731
+    return jax.vmap(pushforward, out_axes=(None, -1))(jnp.eye(at.size))

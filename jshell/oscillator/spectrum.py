@@ -76,12 +76,12 @@ def harmonics(
         NaN at the multiples that are faster than half the sampling: they cannot be told from slower ones.
     """
     # an order that is folded is left out of the fit as well, where it would share another's samples
-    told = angular_frequency * jnp.asarray(orders) * (times[-1] - times[0]) / (times.size - 1) <= jnp.pi
-    weight = jnp.where(told, 1.0, 0.0)[None]
+    resolved = angular_frequency * jnp.asarray(orders) * (times[-1] - times[0]) / (times.size - 1) <= jnp.pi
+    weight = jnp.where(resolved, 1.0, 0.0)[None]
     angle = angular_frequency * times[:, None] * jnp.asarray(orders)[None]
     basis = jnp.concatenate([jnp.ones((times.size, 1)), weight * jnp.cos(angle), weight * jnp.sin(angle)], axis=1)
     flat = values.reshape(times.size, -1)
     found = jnp.linalg.lstsq(basis, flat)[0]
     k = len(orders)
-    amplitude = undetermined(jnp.asarray(~told), jnp.hypot(found[1 : 1 + k], found[1 + k :]))
+    amplitude = undetermined(jnp.asarray(~resolved), jnp.hypot(found[1 : 1 + k], found[1 + k :]))
     return amplitude.reshape(k, *values.shape[1:])

@@ -28,7 +28,7 @@ class Spheres:
         gas_pressure: (runs,) P̂0, inside and outside before the step.
         step: (runs,) δP̂.
         volume: (runs,) V_e at rest [R0³].
-        heard: (runs,) angular frequency heard.
+        extracted: (runs,) angular frequency extracted.
         said: (runs,) eq:wsphere at that rest state.
         small: (runs,) whether it was a small oscillation about the compressed sphere instead of the step's own.
         radial: (runs,) whether it is the radial equation's, since the simulated sphere left its shape.
@@ -37,15 +37,15 @@ class Spheres:
     gas_pressure: Float[np.ndarray, " runs"]
     step: Float[np.ndarray, " runs"]
     volume: Float[np.ndarray, " runs"]
-    heard: Float[np.ndarray, " runs"]
+    extracted: Float[np.ndarray, " runs"]
     said: Float[np.ndarray, " runs"]
     small: Bool[np.ndarray, " runs"]
     radial: Bool[np.ndarray, " runs"]
 
     @property
     def prefactor(self) -> Float[np.ndarray, " runs"]:
-        """Heard over eq:wsphere."""
-        return self.heard / self.said
+        """Extracted over eq:wsphere."""
+        return self.extracted / self.said
 
 
 def damping(runs: ShellRuns) -> Figure:
@@ -115,7 +115,7 @@ def spheres(found: Spheres) -> Figure:
                 right.plot(x, found.prefactor[rows], **look, label=f"{words}, δP̂ = {step:g}")
                 if small:
                     continue
-                left.plot(x, found.heard[rows], **look)
+                left.plot(x, found.extracted[rows], **look)
                 left.plot(x, found.said[rows], color=colour, linewidth=1.0, zorder=1)
                 left.plot(x, theirs * found.said[rows], color=colour, linewidth=0.9, linestyle=(0, (4, 2)), zorder=1)
         left.plot([], [], color=BLACK, linewidth=1.0, label="eq. wsphere")

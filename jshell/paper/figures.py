@@ -99,7 +99,7 @@ class Material:
             BadValue: None of them has one.
         """
         results, gas = list(self.campaign), self.runs.gas_pressure
-        fine = np.isfinite(self.runs.heard).all(axis=1)
+        fine = np.isfinite(self.runs.extracted).all(axis=1)
         for family in families:
             rows = np.flatnonzero(self.runs.within(family) & fine)
             if rows.size:
@@ -119,7 +119,7 @@ def setup(material: Material) -> Figure:
         rest = membrane.rest(presets.R.conditions, elements=material.elements, attached=PAD, throw=True)
     unit = presets.R_MACRO.unit
     assert unit is not None
-    return _shapes.setup(rest, trace, _listened(trace, ("H", "W")), unit)
+    return _shapes.setup(rest, trace, _extracted(trace, ("H", "W")), unit)
 
 
 def snapshots(material: Material) -> Figure:
@@ -132,8 +132,8 @@ def relaxation(material: Material) -> Figure:
     reference = material.motion.trace
     low, high = (material.trace("pressure", near=P0) for P0 in PRESSURES)
     several = (low, reference, high)
-    heard = {name: _listened(reference, (name,)) for name in ("V", "S")}
-    return _records.relaxation(several, reference, heard, moments(material.motion))
+    extracted = {name: _extracted(reference, (name,)) for name in ("V", "S")}
+    return _records.relaxation(several, reference, extracted, moments(material.motion))
 
 
 def control(material: Material) -> Figure:
@@ -189,7 +189,7 @@ def attached(material: Material) -> Figure:
     """fig:detail-attached."""
     free = material.trace("R-free", "pressure", near=0.9)
     held = material.trace("R-attached", "attached", near=0.9)
-    return _records.attached((free, _listened(free, TOGETHER)), (held, _listened(held, TOGETHER)))
+    return _records.attached((free, _extracted(free, TOGETHER)), (held, _extracted(held, TOGETHER)))
 
 
 def meridian(material: Material) -> Figure:
@@ -218,13 +218,13 @@ def read_spheres(table: dict[str, np.ndarray]) -> _damping.Spheres:
             remedy="Run the shipped design to its end.",
         )  # fmt: skip
     pick = lambda name: np.asarray(table[name], dtype=float)[rows]  # noqa: E731
-    heard, small = pick("one_omega"), np.asarray(table["kind"])[rows] == "swell"
-    radial = ~np.isfinite(heard) | (np.asarray(table["outcome"])[rows] != "ok")
+    extracted, small = pick("one_omega"), np.asarray(table["kind"])[rows] == "swell"
+    radial = ~np.isfinite(extracted) | (np.asarray(table["outcome"])[rows] != "ok")
     cases = np.stack([pick(name) for name in ("d_hat", "P0_hat", "Pext_hat", "eta_hat")], axis=1)
     for k in np.flatnonzero(radial):
-        heard[k] = _radial_frequency(Reduced(*(float(value) for value in cases[k])))
+        extracted[k] = _radial_frequency(Reduced(*(float(value) for value in cases[k])))
     step = np.round(cases[:, 2] - cases[:, 1], 6)
-    return _damping.Spheres(cases[:, 1], step, pick("V_e"), heard, pick("omega_sphere"), small, radial)
+    return _damping.Spheres(cases[:, 1], step, pick("V_e"), extracted, pick("omega_sphere"), small, radial)
 
 
 def _nothing(t: Any) -> Any:
@@ -233,12 +233,12 @@ def _nothing(t: Any) -> Any:
 
 
 def _radial_frequency(conditions: Reduced) -> float:
-    """What is heard of the intact sphere after the outer pressure has stepped from the gas pressure to its own."""
+    """The frequency of the intact sphere after the outer pressure has stepped from the gas pressure to its own."""
     rest = float(np.cbrt(float(sphere_state(conditions.as_arrays()).volume) / SPHERE_VOLUME))
     times = np.arange(0.0, 20.0, 0.05)
     run = comparators.sphere_run(conditions, _nothing, times=times, initial=(1.0 - rest, 0.0))
-    heard = extract(run.trace(), "V", start=0.0)
-    return float(heard.fits[0].omega[0]) if heard.fits else float("nan")
+    extracted = extract(run.trace(), "V", start=0.0)
+    return float(extracted.fits[0].omega[0]) if extracted.fits else float("nan")
 
 
 @dataclass(frozen=True)
@@ -298,11 +298,11 @@ def figure(name: str) -> PaperFigure:
     )
 
 
-def _listened(trace: Trace, channels: tuple[str, ...]) -> Signature:
-    heard = extract(trace, channels)
-    if heard.outcome != Outcome.OK:
+def _extracted(trace: Trace, channels: tuple[str, ...]) -> Signature:
+    extracted = extract(trace, channels)
+    if extracted.outcome != Outcome.OK:
         raise BadValue(
-            f"record of {', '.join(channels)}", found=heard.reason, expected="a ring-down that is heard",
+            f"record of {', '.join(channels)}", found=extracted.reason, expected="a ring-down above its noise",
             remedy="Choose another run.",
         )  # fmt: skip
-    return heard
+    return extracted

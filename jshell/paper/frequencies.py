@@ -33,7 +33,7 @@ from jshell.plot.style import (
     style,
 )
 
-HEARD: dict[str, Any] = {"linestyle": "none", "markeredgecolor": "white", "markeredgewidth": 0.5, "zorder": 3}
+EXTRACTED: dict[str, Any] = {"linestyle": "none", "markeredgecolor": "white", "markeredgewidth": 0.5, "zorder": 3}
 MARK: dict[str, Any] = {
     "marker": "D",
     "linestyle": "none",
@@ -94,7 +94,7 @@ def control(runs: ShellRuns, thickness: str, viscosity: str, pressure: str, shap
 
 
 def master(readings: Sequence[JointFit], runs: ShellRuns) -> Figure:
-    """fig:w: V_e² ω±² against V_e P_e, as heard after the snap and as computed for small vibrations.
+    """fig:w: V_e² ω±² against V_e P_e, as extracted after the snap and as computed for small vibrations.
 
     The fits in V_e ω of all shells, and of those with the gas pressures of the source's fig:resul, are drawn through.
 
@@ -114,8 +114,8 @@ def master(readings: Sequence[JointFit], runs: ShellRuns) -> Figure:
         for ax, (key, narrow, letter, words) in zip(axes, panels, strict=True):
             reading = by_key[key]
             x, y = reading.table["V_e"] * reading.table["P_e"], _squares(reading)
-            ax.plot(x, y[:, 0], "^", color=SLOW, label="ω̂₋", **HEARD)
-            ax.plot(x, y[:, 1], "o", color=FAST, label="ω̂₊", **HEARD)
+            ax.plot(x, y[:, 0], "^", color=SLOW, label="ω̂₋", **EXTRACTED)
+            ax.plot(x, y[:, 1], "o", color=FAST, label="ω̂₊", **EXTRACTED)
             grid = np.linspace(0.1, 1.03 * x.max(), 300)
             lines: list[tuple[str, Coefficients, FitResult | None, str, Any]] = [
                 ("source", SOURCE, None, GREEN, (0, (4, 2)))
@@ -128,8 +128,8 @@ def master(readings: Sequence[JointFit], runs: ShellRuns) -> Figure:
                 _pair(ax, c, grid, colour, look, _constants(who, c, fit))
             outside = int(np.sum(y > top))
             if outside:
-                told = f"{outside} beyond the page"
-                ax.text(0.99, 0.99, told, transform=ax.transAxes, ha="right", va="top", fontsize=7, color="#555555")
+                beyond = f"{outside} beyond the page"
+                ax.text(0.99, 0.99, beyond, transform=ax.transAxes, ha="right", va="top", fontsize=7, color="#555555")
             ax.set_xlabel("V̂ₑ P̂ₑ [E d R₀²]")
             ax.set_xlim(0.0, grid[-1])
             ax.set_title(rf"$\bf{{({letter})}}$  {words}", loc="left")
@@ -153,9 +153,11 @@ def every_run(runs: ShellRuns) -> Figure:
     Args:
         runs: The campaign.
     """
-    heard = 100 * deviations(runs, SOURCE, runs.heard)
+    extracted = 100 * deviations(runs, SOURCE, runs.extracted)
     modal = 100 * deviations(runs, SOURCE, runs.layered[:, :2])
-    families = [name for name in dict.fromkeys(one for own in runs.families for one in own) if _any(heard, runs, name)]
+    families = [
+        name for name in dict.fromkeys(one for own in runs.families for one in own) if _any(extracted, runs, name)
+    ]
     with style():
         figure = new_figure((8.0, 3.4))
         axes = figure.subplots(1, 2, sharey=True)
@@ -164,11 +166,11 @@ def every_run(runs: ShellRuns) -> Figure:
             ax.axhspan(-7.0, 7.0, color=PALE, alpha=0.45, linewidth=0, zorder=0, label="source's own box, ±7 %")
             for place, name in enumerate(families):
                 rows = runs.within(name)
-                _swarm(ax, place - 0.16, heard[rows, k], colour, "o", "extracted" if place == 0 else None)
+                _swarm(ax, place - 0.16, extracted[rows, k], colour, "o", "extracted" if place == 0 else None)
                 words = "mode with Stokes layer" if place == 0 else None
                 _swarm(ax, place + 0.16, modal[rows, k], GREY, "s", words)
             ax.set_xticks(range(len(families)), [name.replace("_", " ") for name in families], rotation=30, ha="right")
-            chosen = heard[runs.free_and_thin, k]
+            chosen = extracted[runs.free_and_thin, k]
             middle, size = float(np.nanmedian(chosen)), float(np.nanmedian(np.abs(chosen)))
             words = f"ω̂{sign} free, η̂ ≤ {BOTH_HEARD:g}: median {middle:+.0f} %, of size {size:.0f} %"
             ax.set_title(rf"$\bf{{({'ab'[k]})}}$  {words}", loc="left")
@@ -225,7 +227,7 @@ def constants(readings: Sequence[JointFit], more: Sequence[tuple[str, FitResult]
 def _family(ax: Axes, x: np.ndarray, runs: ShellRuns, rows: np.ndarray, colour: str, label: str,
             marker: str = "o") -> None:  # fmt: skip
     """A family's extracted frequencies as points, its modes as a line, eq:defw with the source's constants dashed."""
-    ax.plot(x, runs.heard[rows, 0], marker, color=colour, label=label or None, **HEARD)
+    ax.plot(x, runs.extracted[rows, 0], marker, color=colour, label=label or None, **EXTRACTED)
     ax.plot(x, runs.layered[rows, 0], color=colour, linewidth=0.9, zorder=1)
     said = _said(runs, rows)
     ax.plot(x, said, color=colour, linewidth=0.9, linestyle=(0, (4, 2)), zorder=1)
@@ -248,7 +250,7 @@ def _ordered(mask: np.ndarray, by: np.ndarray) -> np.ndarray:
 
 
 def _ends(ax: Axes) -> None:
-    """Where the source hears both frequencies, one, none."""
+    """Where the source finds both frequencies, one, none."""
     for key, words in (("eta_both", "both"), ("eta_slow_only", "one"), ("eta_fully_damped", "none")):
         at = printed("subsec:agree", key).value
         ax.axvline(at, color=GREY, linewidth=0.7, linestyle=(0, (1, 2)), zorder=0)

@@ -1,4 +1,4 @@
-"""The constants from a whole campaign: what was heard of all runs, their modes, their trajectories, side by side.
+"""The constants from a whole campaign: what was extracted from all runs, their modes, their trajectories, side by side.
 
 The source fits one curve to the frequencies of all its simulations. Here the
 same is done with several readings of "the frequencies" and both weightings, so
@@ -6,9 +6,9 @@ that a difference to the source's constants has a number for each of its causes:
 large or small oscillations, with or without the liquid's viscosity, which mode
 is called ω+, which shells, which residual. No fit starts from published constants.
 
-Symbols    ω-, ω+ pulsations [sqrt(E d/(ρ_f R0³))]   V_e volume [R0³], P_e pressure [E d/R0] at rest
+Symbols    ω-, ω+ angular frequencies [sqrt(E d/(ρ_f R0³))]   V_e volume [R0³], P_e pressure [E d/R0] at rest
            share dV²/Σ dV² over the modes followed: what a mode takes of a sudden pressure's work on the volume
-Valid for  free buckled shells; heard frequencies up to the viscosity at which the source hears both
+Valid for  free buckled shells; extracted frequencies up to the viscosity at which the source finds both
 Source     Mokbel et al. 2021: eq:defw, fig:w, section "Oscillation frequencies"
 """
 
@@ -53,11 +53,11 @@ class ShellRuns:
         thickness, gas_pressure, outer_pressure, viscosity: (runs,) d̂, P̂0, P̂ext, η̂.
         held: (runs,) angle of the pad that holds the shell [rad]; 0 for a free one.
         volume, area, pressure: (runs,) V_e [R0³], S_e [R0²], P_e [E d/R0] of the rest shape.
-        heard: (runs, 2) ω-, ω+ heard on V, S, H and W together, where the run ended well at its rest shape.
+        extracted: (runs, 2) ω-, ω+ extracted from V, S, H and W together, where the run ended well at its rest shape.
         heard_on_volume: (runs, 2) the same on V alone.
-        three: (runs, 3) three frequencies heard on V, S, H and W together.
-        tau: (runs,) decay time heard.
-        pole_speed: (runs,) fastest motion of the buckling pole in the window listened to [sqrt(E d/(ρ_f R0))].
+        three: (runs, 3) three frequencies extracted from V, S, H and W together.
+        tau: (runs,) decay time extracted.
+        pole_speed: (runs,) fastest motion of the buckling pole in the window of extraction [sqrt(E d/(ρ_f R0))].
         layered, decay: (runs, modes) |s| and τ of the slowest modes with Stokes layer.
         undamped: (runs, modes) ω without viscosity.
         share: (runs, modes) share of the volume's motion, of the undamped modes.
@@ -75,7 +75,7 @@ class ShellRuns:
     volume: Float[np.ndarray, " runs"]
     area: Float[np.ndarray, " runs"]
     pressure: Float[np.ndarray, " runs"]
-    heard: Float[np.ndarray, "runs 2"]
+    extracted: Float[np.ndarray, "runs 2"]
     heard_on_volume: Float[np.ndarray, "runs 2"]
     three: Float[np.ndarray, "runs 3"]
     tau: Float[np.ndarray, " runs"]
@@ -118,7 +118,7 @@ class ShellRuns:
 
     @property
     def free_and_thin(self) -> Bool[np.ndarray, " runs"]:
-        """Free buckled shells in a liquid so thin that the source hears both frequencies."""
+        """Free buckled shells in a liquid so thin that the source finds both frequencies."""
         buckled = np.isin(np.array(self.kinds, dtype=str), (*RINGING, "modes"))
         return buckled & (self.held == 0) & (self.viscosity <= BOTH_HEARD) & np.isfinite(self.volume)
 
@@ -129,8 +129,8 @@ class ShellRuns:
 
     @property
     def identified(self) -> Float[np.ndarray, "runs 2"]:
-        """Of all frequencies heard those nearest to modes 1 and 2 with Stokes layer, within 15 %; NaN where none is."""
-        candidates = np.concatenate([self.heard, self.three], axis=1)[:, None, :]
+        """Of all extracted those nearest to modes 1 and 2 with Stokes layer, within 15 %; NaN where none is."""
+        candidates = np.concatenate([self.extracted, self.three], axis=1)[:, None, :]
         off = np.abs(candidates / self.layered[:, :2, None] - 1)
         off = np.where(np.isfinite(off), off, np.inf)
         nearest = np.argmin(off, axis=2)
@@ -171,7 +171,7 @@ def read_runs(table: Mapping[str, object]) -> ShellRuns:
     """What a calibration needs of a campaign's table.
 
     Args:
-        table: Columns by name, as a campaign's catalogue exports them: conditions, rest states, what was heard,
+        table: Columns by name, as a campaign's catalogue exports them: conditions, rest states, what was extracted,
             `modes_omega_1` to `_4` and so on. Texts and numbers; empty cells, None and NaN are missing.
 
     Raises:
@@ -198,7 +198,7 @@ def read_runs(table: Mapping[str, object]) -> ShellRuns:
         [outcome == "ok" and kind in RINGING for outcome, kind in zip(texts("outcome"), kinds, strict=True)]
     )
     fine &= ~(np.abs(settled / volume - 1) > AT_REST)
-    heard = lambda *names: np.where(fine[:, None], np.stack([numbers(name) for name in names], axis=1), np.nan)  # noqa: E731
+    extracted = lambda *names: np.where(fine[:, None], np.stack([numbers(name) for name in names], axis=1), np.nan)  # noqa: E731
     dV = several("undamped_dV") ** 2
     modal_dV = several("modes_dV")
     return ShellRuns(
@@ -213,9 +213,9 @@ def read_runs(table: Mapping[str, object]) -> ShellRuns:
         volume=volume,
         area=numbers("S_e"),
         pressure=numbers("P_e"),
-        heard=heard("omega_minus", "omega_plus"),
-        heard_on_volume=heard("V_omega_minus", "V_omega_plus"),
-        three=heard("three_omega_1", "three_omega_2", "three_omega_3"),
+        extracted=extracted("omega_minus", "omega_plus"),
+        heard_on_volume=extracted("V_omega_minus", "V_omega_plus"),
+        three=extracted("three_omega_1", "three_omega_2", "three_omega_3"),
         tau=np.where(fine, numbers("tau"), np.nan),
         pole_speed=numbers("v_pole_ring"),
         layered=several("modes_omega"),
@@ -239,19 +239,19 @@ def calibrate(runs: ShellRuns) -> tuple[JointFit, ...]:
         BadValue: No reading has enough shells.
 
     Source:
-        eq:defw. Free shells only; η̂ up to 0.013, where the source hears both frequencies.
+        eq:defw. Free shells only; η̂ up to 0.013, where the source finds both frequencies.
     """
     free = runs.free_and_thin
     low, high = SOURCE_PRESSURES
     usual = (runs.filled >= low) & (runs.filled <= high)
-    snap = free & np.isfinite(runs.heard).all(axis=1) & ~runs.small
+    snap = free & np.isfinite(runs.extracted).all(axis=1) & ~runs.small
     modal, plain = runs.layered[:, :2], runs.undamped[:, :2]
     asked = (
-        ("heard", "extracted after the snap, as the source does", snap, runs.heard),
+        ("heard", "extracted after the snap, as the source does", snap, runs.extracted),
         ("on volume", "the same, on V alone", snap, runs.heard_on_volume),
         ("identified", "extracted, nearest to modes 1, 2", snap, runs.identified),
         ("identified range", "the same, P̂₀ 0.36 to 1.8", snap & usual, runs.identified),
-        ("kick", "extracted after small kicks", free & runs.small, runs.heard),
+        ("kick", "extracted after small kicks", free & runs.small, runs.extracted),
         ("modes of heard", "modes 1, 2 of the shells that snapped", snap, modal),
         ("modes", "modes 1, 2 of all shells", free, modal),
         ("modes range", "the same, P̂₀ 0.36 to 1.8", free & usual, modal),
@@ -320,7 +320,7 @@ def deviations(
     Args:
         runs: The campaign.
         constants: Of the two-variable model.
-        omega: Heard or computed.
+        omega: Extracted or computed.
     """
     c = constants
     one = lambda V, P: squared_frequencies(V, P, c.alpha1, c.alpha2, c.k_vs)  # noqa: E731

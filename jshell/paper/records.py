@@ -33,14 +33,14 @@ UNIT = "[√(ρ R₀³/E d)]"
 
 
 def relaxation(
-    traces: Sequence[Trace], reference: Trace, heard: Mapping[str, Signature], moments: Sequence[float] = ()
+    traces: Sequence[Trace], reference: Trace, extracted: Mapping[str, Signature], moments: Sequence[float] = ()
 ) -> Figure:
     """fig:oscill: V and S through the snap for three gas pressures, and the damped pair on V and on S of R.
 
     Args:
         traces: Snaps by rising gas pressure, R among them or not, each with V, S and conditions.
         reference: The snap of R.
-        heard: `V` and `S` to what was heard there in `reference`.
+        extracted: `V` and `S` to what was extracted there from `reference`.
         moments: Times of `reference` at which pictures were taken; they are lettered.
     """
     with style():
@@ -56,7 +56,7 @@ def relaxation(
                 ax.plot(times[shown] - zero, np.asarray(trace[name])[shown] / size, color=colour, label=f"P̂₀ = {P0:g}")
             ax.set_ylabel(symbol)
             ax.margins(x=0.0)
-            _with_fit(axes[row, 1], reference, heard[name], name)
+            _with_fit(axes[row, 1], reference, extracted[name], name)
         axes[0, 0].legend(loc="upper right", ncols=3, columnspacing=1.0)
         low, high = axes[0, 0].get_ylim()
         axes[0, 0].set_ylim(low, high + 0.10 * (high - low))
@@ -78,27 +78,27 @@ def attached(free: tuple[Trace, Signature], held: tuple[Trace, Signature]) -> Fi
     """fig:detail-attached: V, H and W of R ringing free and attached, one damped pair for the three of them.
 
     Args:
-        free: The free shell's snap, and V, H and W of it listened to.
+        free: The free shell's snap, and what was extracted from its V, H and W.
         held: The same of the attached shell.
     """
     with style():
         figure = new_figure((7.6, 5.6))
         axes = np.asarray(figure.subplots(3, 2, sharex="col"))
-        for column, (kind, (trace, heard)) in enumerate((("free", free), ("attached", held))):
+        for column, (kind, (trace, extracted)) in enumerate((("free", free), ("attached", held))):
             for row, name in enumerate(("V", "H", "W")):
                 ax = axes[row, column]
                 size, symbol = SPHERE[name]
-                times, zero = np.asarray(trace.times), heard.t_dip
+                times, zero = np.asarray(trace.times), extracted.t_dip
                 shown = (times >= zero) & (times <= zero + AFTER)
                 ax.plot(
                     times[shown] - zero, np.asarray(trace[name])[shown] / size, color=CHANNEL[name], linewidth=2.6,
                     alpha=0.6,
                 )  # fmt: skip
-                fitted = (times >= heard.window[0]) & shown
-                curve = two_modes(heard, name, times[fitted]) / size
+                fitted = (times >= extracted.window[0]) & shown
+                curve = two_modes(extracted, name, times[fitted]) / size
                 ax.plot(times[fitted] - zero, curve, color=BLACK, linewidth=0.8)
                 theirs = printed("fig:detail-attached", f"{kind}_ratio_{name}").value
-                words = _ratios(trace, heard, name, theirs)
+                words = _ratios(trace, extracted, name, theirs)
                 _headroom(ax, 0.34)
                 ax.text(0.99, 0.98, words, transform=ax.transAxes, ha="right", va="top", fontsize=7.5)
                 ax.margins(x=0.0)
@@ -107,21 +107,21 @@ def attached(free: tuple[Trace, Signature], held: tuple[Trace, Signature]) -> Fi
             theirs = ", ".join(
                 f"{printed('fig:detail-attached', f'{kind}_omega_{sign}').value:.1f}" for sign in ("minus", "plus")
             )
-            ours = f"{heard.omega_minus or np.nan:.2f}, {heard.omega_plus or np.nan:.2f}"
+            ours = f"{extracted.omega_minus or np.nan:.2f}, {extracted.omega_plus or np.nan:.2f}"
             _title(axes[0, column], "ab"[column], f"{kind}: ω̂± = {ours}  (source {theirs})")
             axes[2, column].set_xlabel(f"time after the dip t {UNIT}")
     return figure
 
 
-def _ratios(trace: Trace, heard: Signature, name: str, theirs: float) -> str:
-    """A+/A- of the pair, and of the second and third of three sinusoids where they are heard."""
-    ratio = heard.amplitude_ratio[name]
+def _ratios(trace: Trace, extracted: Signature, name: str, theirs: float) -> str:
+    """A+/A- of the pair, and of the second and third of three sinusoids where they are found."""
+    ratio = extracted.amplitude_ratio[name]
     words = f"A₊/A₋ = {np.nan if ratio is None else ratio:.2g}  (source {theirs:g})"
-    three = heard.fits[2] if len(heard.fits) > 2 else None
+    three = extracted.fits[2] if len(extracted.fits) > 2 else None
     if three is None or not three.converged or three.omega.size < 3:
         return words
-    cut = trace.between(*heard.window)
-    elapsed = np.asarray(cut.times, dtype=float) - heard.window[0]
+    cut = trace.between(*extracted.window)
+    elapsed = np.asarray(cut.times, dtype=float) - extracted.window[0]
     angle, fall = elapsed[:, None] * three.Omega, np.exp(-elapsed / three.tau)[:, None]
     columns = np.concatenate([fall * np.cos(angle), fall * np.sin(angle), np.ones_like(fall)], axis=1)
     parts = np.linalg.lstsq(columns, np.asarray(cut[name], dtype=float), rcond=None)[0]
@@ -132,23 +132,23 @@ def _ratios(trace: Trace, heard: Signature, name: str, theirs: float) -> str:
     return f"{words}\nof three sinusoids: {more}"
 
 
-def _with_fit(ax: Axes, trace: Trace, heard: Signature, name: str) -> None:
+def _with_fit(ax: Axes, trace: Trace, extracted: Signature, name: str) -> None:
     """A channel after the dip with its damped pair, numbers beside it."""
     size, _ = SPHERE[name]
-    times, zero = np.asarray(trace.times), heard.t_dip
+    times, zero = np.asarray(trace.times), extracted.t_dip
     shown = (times >= zero) & (times <= zero + AFTER)
-    ax.axvspan(heard.window[0] - zero, AFTER, color=PALE, alpha=0.35, linewidth=0, zorder=0)
+    ax.axvspan(extracted.window[0] - zero, AFTER, color=PALE, alpha=0.35, linewidth=0, zorder=0)
     ax.plot(
         times[shown] - zero, np.asarray(trace[name])[shown] / size, color=BLUE if name == "V" else VERMILION,
         linewidth=2.6, alpha=0.55,
     )  # fmt: skip
-    fitted = (times >= heard.window[0]) & shown
-    ax.plot(times[fitted] - zero, two_modes(heard, name, times[fitted]) / size, color=BLACK, linewidth=0.8)
+    fitted = (times >= extracted.window[0]) & shown
+    ax.plot(times[fitted] - zero, two_modes(extracted, name, times[fitted]) / size, color=BLACK, linewidth=0.8)
     ax.margins(x=0.0)
     _headroom(ax, 0.24)
-    fast = np.nan if heard.omega_plus is None else heard.omega_plus
-    words = f"ω̂₋ = {heard.omega_minus:.2f},  ω̂₊ = {fast:.2f},  τ̂ = {heard.tau:.1f}"
-    two, three = (f"{100 * left:.0f} %" for left in heard.residuals[1:])
+    fast = np.nan if extracted.omega_plus is None else extracted.omega_plus
+    words = f"ω̂₋ = {extracted.omega_minus:.2f},  ω̂₊ = {fast:.2f},  τ̂ = {extracted.tau:.1f}"
+    two, three = (f"{100 * left:.0f} %" for left in extracted.residuals[1:])
     words += f"\nleaves {two} of the scatter; three sinusoids {three}"
     ax.text(0.99, 0.98, words, transform=ax.transAxes, ha="right", va="top", fontsize=7.5)
 

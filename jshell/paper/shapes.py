@@ -28,13 +28,13 @@ REACH = 1.75  # half the side of the pictures of the two motions [R0]
 SPACING = 0.22  # between arrows there [R0]
 
 
-def setup(rest: RestShape, trace: Trace, heard: Signature, scales: Scales) -> Figure:
+def setup(rest: RestShape, trace: Trace, extracted: Signature, scales: Scales) -> Figure:
     """fig:exptyp: the attached shell, and its height and width ringing after the snap, with their damped pair.
 
     Args:
         rest: The attached shell at rest.
         trace: Its snap, with H and W.
-        heard: H and W listened to together.
+        extracted: What was extracted from H and W together.
         scales: The laboratory's units, in which the record is shown.
     """
     with style():
@@ -43,16 +43,16 @@ def setup(rest: RestShape, trace: Trace, heard: Signature, scales: Scales) -> Fi
         _measured_shape(rest, float(trace.conditions.thickness) if trace.conditions else 0.0, left)
         _letter(left, "a", "what a camera sees")
 
-        cut = trace.between(heard.t_dip - 8.0, heard.t_dip + 36.0)
-        first = heard.t_dip - 8.0
+        cut = trace.between(extracted.t_dip - 8.0, extracted.t_dip + 36.0)
+        first = extracted.t_dip - 8.0
         ms, mm = 1e3 * scales.time, 1e3 * scales.length
         times = np.asarray(cut.times)
-        fitted = times >= heard.window[0]
+        fitted = times >= extracted.window[0]
         for name, colour in (("W", BLUE), ("H", VERMILION)):
             right.plot(ms * (times - first), mm * np.asarray(cut[name]), color=colour, linewidth=2.6, alpha=0.55)
-            curve = two_modes(heard, name, times[fitted])
+            curve = two_modes(extracted, name, times[fitted])
             right.plot(ms * (times[fitted] - first), mm * curve, color=BLACK, linewidth=0.8)
-            level = mm * heard.offsets[name]
+            level = mm * extracted.offsets[name]
             right.annotate(
                 {"W": "W, width", "H": "H, height"}[name], (1.0, level), xycoords=("axes fraction", "data"),
                 xytext=(4, 0), textcoords="offset points", color=colour, va="center",
@@ -62,7 +62,9 @@ def setup(rest: RestShape, trace: Trace, heard: Signature, scales: Scales) -> Fi
         right.set_xlim(0.0, ms * (times[-1] - first))
         low, high = right.get_ylim()
         right.set_ylim(low, high + 0.2 * (high - low))
-        right.text(0.99, 0.99, _in_hertz(heard, scales), transform=right.transAxes, ha="right", va="top", fontsize=7.5)
+        right.text(
+            0.99, 0.99, _in_hertz(extracted, scales), transform=right.transAxes, ha="right", va="top", fontsize=7.5
+        )
         _letter(right, "b", "snap and ring-down; black: two damped sinusoids")
     return figure
 
@@ -179,9 +181,9 @@ def _measured_shape(rest: RestShape, thickness: float, ax: Axes) -> None:
         side.set_visible(False)
 
 
-def _in_hertz(heard: Signature, scales: Scales) -> str:
-    """What was heard beside what the source prints."""
-    ours = (heard.omega_minus or np.nan, heard.omega_plus or np.nan)
+def _in_hertz(extracted: Signature, scales: Scales) -> str:
+    """What was extracted beside what the source prints."""
+    ours = (extracted.omega_minus or np.nan, extracted.omega_plus or np.nan)
     rows = []
     for symbol, value, key in (("f₋", ours[0], "f_minus"), ("f₊", ours[1], "f_plus")):
         rows.append(f"{symbol} = {value * scales.frequency:.1f} Hz  (experiment: {printed('fig:exptyp', key).value:g})")

@@ -108,7 +108,7 @@ def filmstrip(
         for letter, ax, k, seen in zip("abcdefghijklmnopqrstuvwxyz", axes, samples, fields, strict=False):
             stretch = factor if k > deepest else 1
             _picture(ax, motion, k, seen, stretch * LONGEST / fast if fast > 0 else 0.0)
-            ax.set_title(f"({letter})  {_told(motion, k, scales)}", loc="left")
+            ax.set_title(f"({letter})  {_caption(motion, k, scales)}", loc="left")
             if stretch > 1 and seen is not None:
                 ax.text(0.98, 0.02, f"arrows ×{stretch}", transform=ax.transAxes, ha="right", va="bottom", fontsize=7)
         if contours:
@@ -135,7 +135,7 @@ def snapshot(motion: Motion, time: float | int, ax: Axes | None = None, *, flow:
     with style():
         ax = axes_or_new(ax, (3.4, 3.6))
         _picture(ax, motion, k, seen, LONGEST / seen.fastest if seen is not None and seen.fastest > 0 else 0.0)
-        ax.set_title(_told(motion, k), loc="left")
+        ax.set_title(_caption(motion, k), loc="left")
     return ax
 
 
@@ -193,7 +193,7 @@ def animate(
             for k, seen in zip(samples, fields, strict=True):
                 above.clear()
                 _picture(above, motion, int(k), _rooted(seen, fast), LONGEST)
-                above.set_title(_told(motion, int(k)), loc="left")
+                above.set_title(_caption(motion, int(k)), loc="left")
                 _volume(below, motion, samples, int(k))
                 writer.grab_frame()
     return target
@@ -334,7 +334,7 @@ def _rooted(seen: Arrows | None, fast: float) -> Arrows | None:
     return Arrows(seen.x, seen.r, factor * seen.v_x, factor * seen.v_r)
 
 
-def _told(motion: Motion, k: int, scales: Scales | None = None) -> str:
+def _caption(motion: Motion, k: int, scales: Scales | None = None) -> str:
     volume = float(motion.trace["V"][k]) / SPHERE_VOLUME
     return f"{_moment(motion, k, scales)},  V/V₀ = {volume:.3f}"
 

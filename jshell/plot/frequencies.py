@@ -54,10 +54,10 @@ def master_curve(
         ax = axes_or_new(ax)
         if source is not None:
             drawn.append(
-                (_pairs(ax, source, grid, gas, (GREY, GREY), linestyle=(0, (4, 2))), f"source {_told(source)}")
+                (_pairs(ax, source, grid, gas, (GREY, GREY), linestyle=(0, (4, 2))), f"source {_caption(source)}")
             )
         if fit is not None:
-            drawn.append((_pairs(ax, fit.coefficients, grid, gas, (SLOW, FAST)), f"fit {_told(fit.coefficients)}"))
+            drawn.append((_pairs(ax, fit.coefficients, grid, gas, (SLOW, FAST)), f"fit {_caption(fit.coefficients)}"))
         slow_symbol, fast_symbol = (quantity(key).symbol for key in ("omega_minus", "omega_plus"))
         points = {"linestyle": "none", "markeredgecolor": "white", "markeredgewidth": 0.6, "zorder": 3}
         slow = ax.plot(x, y[:, 0], marker="o", color=SLOW, markersize=5.2, label=f"slow {slow_symbol}", **points)[0]
@@ -122,7 +122,7 @@ def _legend(ax: Axes, drawn: list[tuple[Any, str]]) -> None:
     ax.legend(handles, words, handler_map=together, loc="upper left", ncols=2, columnspacing=1.0, handletextpad=0.5)
 
 
-def _told(c: Coefficients) -> str:
+def _caption(c: Coefficients) -> str:
     rows = (("alpha1", c.alpha1), ("alpha2", c.alpha2), ("kVS", c.k_vs))
     return ", ".join(f"{_printed(quantity(key).symbol)} {float(value):.3g}" for key, value in rows)
 

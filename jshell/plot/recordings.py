@@ -15,11 +15,11 @@ from jshell.plot.style import ORANGE, new_figure
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-ABREAST = 6  # frames of a row
+MAX_FRAMES_A_ROW = 6  # frames of a row
 SIDE = 2.0  # in, of a frame
 
 
-def outlines(film: Film | str | Path, found: Filmed, lens: Lens | None = None, count: int = ABREAST) -> Figure:
+def outlines(film: Film | str | Path, found: Filmed, lens: Lens | None = None, count: int = MAX_FRAMES_A_ROW) -> Figure:
     """Some frames of a film, evenly in time, with their outlines.
 
     Args:
@@ -36,7 +36,7 @@ def outlines(film: Film | str | Path, found: Filmed, lens: Lens | None = None, c
         with open_film(film) as opened:
             return outlines(opened, found, lens, count)
     chosen = np.unique(np.linspace(0, film.count - 1, count).astype(int)).tolist()
-    across = min(len(chosen), ABREAST)
+    across = min(len(chosen), MAX_FRAMES_A_ROW)
     down = -(-len(chosen) // across)
     rows, columns = film.shape
     figure = new_figure((SIDE * across, down * (SIDE * min(max(rows / columns, 0.3), 3) + 0.25)))

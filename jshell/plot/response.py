@@ -37,7 +37,7 @@ DRIVE = "ω [√(E d/ρ R₀³)]"
 
 
 def answer(response: Response) -> Figure:
-    """Added pressure, volume, pole and scattered pressure of one run, and the spectrum of what is heard."""
+    """Added pressure, volume, pole and scattered pressure of one run, and the spectrum of the pressure scattered."""
     t = np.asarray(response.times)
     with style():
         figure = new_figure((7.4, 6.4))
@@ -53,12 +53,12 @@ def answer(response: Response) -> Figure:
             grid[name].set_xlabel(quantity("t").label())
             grid[name].set_ylabel(label)
             grid[name].set_xlim(t[0], t[-1])
-        heard = spectrum(response.times, jnp.nan_to_num(response.scattered), skip=float(t[-1] - t[0]) / 3, finer=8)
-        level = 20 * np.log10(np.maximum(np.asarray(heard.amplitude), 1e-12) / float(np.max(heard.amplitude)))
-        w = np.asarray(heard.angular_frequency)
+        echo = spectrum(response.times, jnp.nan_to_num(response.scattered), skip=float(t[-1] - t[0]) / 3, finer=8)
+        level = 20 * np.log10(np.maximum(np.asarray(echo.amplitude), 1e-12) / float(np.max(echo.amplitude)))
+        w = np.asarray(echo.angular_frequency)
         last = float(w[np.nonzero(level > -60)[0][-1]])
         grid["h"].plot(w, level, color=PURPLE, linewidth=1.0)
-        grid["h"].set_xlim(0.0, min(1.1 * last, float(heard.highest)))
+        grid["h"].set_xlim(0.0, min(1.1 * last, float(echo.highest)))
         grid["h"].set_ylim(-70, 3)
         grid["h"].set_xlabel("angular frequency ω [√(E d/ρ R₀³)]")
         grid["h"].set_ylabel("level of r pₛ [dB]")

@@ -49,7 +49,7 @@ def rest_shape(
         BadShape: Not one label per shape.
     """
     listed = [states] if isinstance(states, RestShape) else list(states)
-    names = [_told(state) for state in listed] if labels is None else list(labels)
+    names = [_caption(state) for state in listed] if labels is None else list(labels)
     if len(names) != len(listed):
         raise BadShape(
             "labels", found=f"{len(names)}", expected=f"{len(listed)}, one per shape", remedy="Name every shape."
@@ -113,7 +113,7 @@ def mode_shape(
     return ax
 
 
-def _told(state: RestShape) -> str:
+def _caption(state: RestShape) -> str:
     symbol = quantity("V").symbol
     text = f"{symbol}/{symbol}₀ = {float(state.volume_ratio):.3f}"
     outcome = Outcome(int(state.outcome))

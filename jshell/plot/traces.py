@@ -136,7 +136,7 @@ def two_modes(signature: Signature, name: str, times: Float[np.ndarray, "times"]
             remedy="Extract the modes of that channel first.",
         )
     elapsed = times - signature.window[0]
-    damped = np.sqrt(np.array([slow, slow if fast is None else fast]) ** 2 - 1 / tau**2)  # a mode not heard has no size
+    damped = np.sqrt(np.array([slow, slow if fast is None else fast]) ** 2 - 1 / tau**2)  # a mode not found has no size
     amplitude, phase = np.array(signature.amplitudes[name]), np.array(signature.phases[name])
     waves = amplitude * np.cos(elapsed[:, None] * damped + phase)
     return signature.offsets[name] + np.exp(-elapsed / tau) * waves.sum(axis=1)

@@ -46,7 +46,7 @@ def invert(specification: Mapping[str, Any], files: Sequence[tuple[str, Content]
         "report.txt": found.report().encode(),
         "table.csv": _table(found),
     }
-    if found.ending is not None and found.ending.projections:
+    if found.solution is not None and found.solution.projections:
         made["curves.json"] = as_json(_curves(found, [file.name for file in given]))
     return made
 

@@ -26,7 +26,7 @@ from jshell.service.store import Store
 from jshell.shell.parameters import Reduced
 from jshell.trace import Trace
 
-Asked = TypeVar("Asked", bound=BaseModel)
+Schema = TypeVar("Schema", bound=BaseModel)
 
 TEXT = ("", ".csv", ".txt", ".dat", ".tsv", ".tab")
 MAX_CACHED_TRACES = 64  # traces that stay in memory once read
@@ -151,7 +151,7 @@ def json_field(place: str, text: str, expected: str) -> Any:
         raise BadValue(place, found=words, expected=expected, remedy="Write names and values as JSON.") from None
 
 
-def options_of(kind: type[Asked], text: str) -> Asked:
+def options_of(kind: type[Schema], text: str) -> Schema:
     """What the field `options` of a form asks for.
 
     Raises:

@@ -18,7 +18,7 @@ import numpy as np
 
 from jshell import calibration, dynamics, io, oscillator
 from jshell.calibration.options import OPTIONS, FitOptions, check_names
-from jshell.calibration.serialization import stored
+from jshell.calibration.serialization import serialized
 from jshell.errors import BadValue, JshellError, LimitReached, choose
 from jshell.files import NamedBytes
 from jshell.io.files import bytes_written
@@ -113,7 +113,7 @@ def fit(specification: Mapping[str, Any], files: Files) -> dict[str, bytes]:
     traces = [io.read_trace(NamedBytes(*file), meta=meta) for file in files]
     found = calibration.fit_trajectories(traces, options=options)
     made = {
-        "record.json": encode_record("fit", stored(found)),
+        "record.json": encode_record("fit", serialized(found)),
         "report.txt": found.report().encode(),
         "table.csv": _parameters(found),
     }

@@ -16,11 +16,11 @@ from jaxtyping import Float
 
 from jshell.signals.pencil import rates
 from jshell.signals.residual import Residual, examine
-from jshell.signals.waves import STEPS, SignalFit, SignalModel, look, search
+from jshell.signals.waves import STEPS, SignalFit, SignalModel, evaluate, search
 from jshell.signals.waves_from_data import followed, model_orders, refitted, start_with, starts_of
 
 TERM = 25.0  # of χ², for a term with one or two numbers: five standard errors
-HEARD = 25.0  # of χ², for a mode; beside twice the logarithm of the samples, for the frequencies it could have had
+IDENTIFIED = 25.0  # of χ², for a mode; beside twice the logarithm of the samples, for the frequencies it could have had
 KICKS = 48  # times at which a second kick is looked for
 LONG = 0.6  # memory beyond which noise is not taken for granted
 DRIFTING = ("line", "exponential")
@@ -32,14 +32,14 @@ class Alternative:
 
     Attributes:
         kind: `line`, `exponential`, `own decay`, `kick` or `mode`.
-        ending: The fit.
+        solution: The fit.
         gain: χ² that it takes away, or twice the log likelihood that it gains.
         needed: Gain that noise does not reach.
         noise: Of each channel, under it.
     """
 
     kind: str
-    ending: SignalFit
+    solution: SignalFit
     gain: float
     needed: float
     noise: tuple[Residual, ...]
@@ -56,19 +56,19 @@ class Alternative:
 
 def of_mode(samples: int, channels: int) -> float:
     """Gain in χ² that a mode fitted to noise does not reach."""
-    return HEARD + 2 * np.log(samples) + 3 * (channels - 1)
+    return IDENTIFIED + 2 * np.log(samples) + 3 * (channels - 1)
 
 
-def chi_square(noise: Sequence[Residual], values: np.ndarray, ending: SignalFit, elapsed: np.ndarray) -> float:
+def chi_square(noise: Sequence[Residual], values: np.ndarray, solution: SignalFit, elapsed: np.ndarray) -> float:
     """χ² of what a fit leaves of all channels."""
-    left = values - ending.curve(elapsed)
+    left = values - solution.curve(elapsed)
     return sum(one.chi_square(row) for one, row in zip(noise, left, strict=True))
 
 
-def residuals(values: np.ndarray, ending: SignalFit, elapsed: np.ndarray) -> tuple[Residual, ...]:
+def residuals(values: np.ndarray, solution: SignalFit, elapsed: np.ndarray) -> tuple[Residual, ...]:
     """The noise of every channel under a fit."""
-    left = values - ending.curve(elapsed)
-    return tuple(examine(row, ending.linear.shape[0] + ending.unknowns.size) for row in left)
+    left = values - solution.curve(elapsed)
+    return tuple(examine(row, solution.linear.shape[0] + solution.unknowns.size) for row in left)
 
 
 def tried(
@@ -96,12 +96,12 @@ def tried(
     # what is left of a jump looks like noise of a long memory; where there is such, each fit has the noise it leaves
     long = any(one.memory > LONG for one in noise)
 
-    def weigh(kind: str, ending: SignalFit, needed: float) -> None:
-        own = residuals(values, ending, elapsed)
-        gain = before - chi_square(noise, values, ending, elapsed)
+    def weigh(kind: str, solution: SignalFit, needed: float) -> None:
+        own = residuals(values, solution, elapsed)
+        gain = before - chi_square(noise, values, solution, elapsed)
         if long:
             gain = sum(one.cost for one in noise) - sum(one.cost for one in own)
-        found.append(Alternative(kind, ending, gain, needed, own))
+        found.append(Alternative(kind, solution, gain, needed, own))
 
     if base.model.drift == "constant":
         for drift in DRIFTING:
@@ -113,14 +113,14 @@ def tried(
     if (moves or long) and not any(one.describes and one.significant for one in found):
         if base.model.drift == "constant":
             for drift in DRIFTING:
-                endings = model_orders(elapsed, values, drift, most=base.model.modes)[-1]
-                if endings:
-                    weigh(drift, endings[0], TERM)
+                solutions = model_orders(elapsed, values, drift, most=base.model.modes)[-1]
+                if solutions:
+                    weigh(drift, solutions[0], TERM)
         if not any(one.describes and one.significant for one in found):
             weigh("kick", kicked(base, elapsed, values), 2 * of_mode(elapsed.size, values.shape[0]))
     # what takes most away comes first; a number more must pay for itself, and so must the time of a kick
     each = np.log(values.size)
-    numbers = lambda one: one.ending.unknowns.size + one.ending.linear.size + (one.kind == "kick")  # noqa: E731
+    numbers = lambda one: one.solution.unknowns.size + one.solution.linear.size + (one.kind == "kick")  # noqa: E731
     return sorted(found, key=lambda one: each * numbers(one) - one.gain)
 
 
@@ -141,17 +141,17 @@ def kicked(base: SignalFit, elapsed: np.ndarray, values: np.ndarray) -> SignalFi
         alone = followed(plain, since, seen, starts)[0].unknowns
         trials = [(_cost_at(base, alone, at, t, y), at) for at in np.linspace(0.06, 0.94, KICKS) * span]
         at, reach = min(trials)[1], span / KICKS
-        ending = _kicked_at(base, alone, at, t, y)
-        if best is not None and ending.power > 4 * best.power:
+        solution = _kicked_at(base, alone, at, t, y)
+        if best is not None and solution.power > 4 * best.power:
             continue
         for _ in range(4):
             places = np.linspace(at - reach, at + reach, 9)
             places = places[(places > 0.03 * span) & (places < 0.97 * span)]
-            at = min((_cost_at(base, ending.unknowns, place, t, y), place) for place in places)[1]
-            ending = _kicked_at(base, ending.unknowns, at, t, y)
+            at = min((_cost_at(base, solution.unknowns, place, t, y), place) for place in places)[1]
+            solution = _kicked_at(base, solution.unknowns, at, t, y)
             reach /= 4
-        if best is None or ending.power < best.power:
-            best = ending
+        if best is None or solution.power < best.power:
+            best = solution
     assert best is not None
     assert best.model.kick is not None
     return _kicked_at(base, best.unknowns, best.model.kick, elapsed, values, STEPS)
@@ -164,4 +164,4 @@ def _kicked_at(
 
 
 def _cost_at(base: SignalFit, unknowns: np.ndarray, at: float, t: np.ndarray, y: np.ndarray) -> float:
-    return look(SignalModel(base.model.modes, base.model.drift, kick=float(at)), unknowns, t, y, base.span)[0]
+    return evaluate(SignalModel(base.model.modes, base.model.drift, kick=float(at)), unknowns, t, y, base.span)[0]

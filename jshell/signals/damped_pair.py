@@ -59,8 +59,8 @@ def fit(
         starts: Ω of each mode, then the decay rate 1/τ.
     """
     elapsed, even, mean, scale = comparable(times, values)
-    endings = [search(SignalModel(starts.shape[1] - 1), elapsed, even, np.log(start)) for start in starts]
-    best = min(endings, key=lambda one: (not sound(one, elapsed), one.power))
+    solutions = [search(SignalModel(starts.shape[1] - 1), elapsed, even, np.log(start)) for start in starts]
+    best = min(solutions, key=lambda one: (not sound(one, elapsed), one.power))
     return damped_modes(best, elapsed, even, mean, scale)
 
 
@@ -73,25 +73,25 @@ def comparable(
 
 
 def damped_modes(
-    ending: SignalFit, elapsed: np.ndarray, values: np.ndarray, mean: np.ndarray, scale: np.ndarray
+    solution: SignalFit, elapsed: np.ndarray, values: np.ndarray, mean: np.ndarray, scale: np.ndarray
 ) -> DampedModes:
     """An ending as plain numbers, channels in their own units again."""
-    Omega, sigma, M = ending.Omega, ending.sigma, ending.model.modes
+    Omega, sigma, M = solution.Omega, solution.sigma, solution.model.modes
     omega = np.sqrt(Omega**2 + sigma**2)
     # by log Ω of each mode, and by log σ, which all share
-    slope = np.zeros((M + 1, ending.unknowns.size))
+    slope = np.zeros((M + 1, solution.unknowns.size))
     slope[range(M), range(M)] = Omega**2 / omega
     slope[:M, M] = sigma**2 / omega
     slope[M, M] = 1 / sigma[0]
-    errors = np.sqrt(np.maximum(np.einsum("ap,pq,aq->a", slope, ending.covariance, slope), 0))
-    signal = values - ending.background(elapsed)
-    offset = ending.background(elapsed[-1:])[:, 0] if ending.model.background else np.zeros(scale.size)
+    errors = np.sqrt(np.maximum(np.einsum("ap,pq,aq->a", slope, solution.covariance, slope), 0))
+    signal = values - solution.background(elapsed)
+    offset = solution.background(elapsed[-1:])[:, 0] if solution.model.background else np.zeros(scale.size)
     return DampedModes(
         Omega=Omega,
         omega=omega,
         tau=float(1 / sigma[0]),
         errors=errors,
         offset=mean + scale * offset,
-        residual=float(np.sqrt(ending.power / max(float(np.sum(signal**2)), 1e-300))),
-        converged=sound(ending, elapsed),
+        residual=float(np.sqrt(solution.power / max(float(np.sum(signal**2)), 1e-300))),
+        converged=sound(solution, elapsed),
     )

@@ -22,7 +22,7 @@ EXACT = 1e-22  # or of the data, for records without noise
 RUNNING, CONVERGED, STUCK = 0, 1, 2
 
 
-class Look(NamedTuple):
+class Evaluation(NamedTuple):
     """The problem at given unknowns.
 
     Attributes:
@@ -46,25 +46,25 @@ class LMState(NamedTuple):
 
     Attributes:
         unknowns: (unknowns, block).
-        look: There.
+        evaluation: There.
         damping: Of the step.
         status: RUNNING, CONVERGED or STUCK.
         steps: Steps tried.
     """
 
     unknowns: Any
-    look: Look
+    evaluation: Evaluation
     damping: Any
     status: Any
     steps: Any
 
 
-Looks = Callable[[jax.Array, Any], Look]
+Evaluate = Callable[[jax.Array, Any], Evaluation]
 
 
-def begin(unknowns: Float[Array, "unknowns block"], data, look: Looks) -> LMState:
+def begin(unknowns: Float[Array, "unknowns block"], data, evaluate: Evaluate) -> LMState:
     """A search that has not moved yet."""
-    first = look(unknowns, data)
+    first = evaluate(unknowns, data)
     zero = jnp.zeros(unknowns.shape[1], int)
     # where the model does not exist, as where two modes do not turn, there is no slope to go down
     status = jnp.where(jnp.isfinite(first.cost), RUNNING, STUCK)
@@ -77,14 +77,14 @@ def descend(
     data,
     low: Float[Array, "unknowns block"],
     high: Float[Array, "unknowns block"],
-    look: Looks,
+    evaluate: Evaluate,
 ) -> LMState:
     """`STEPS` further steps of every trace that still runs."""
 
-    go = data.count[0] >= 0  # true, which the compiler cannot know, see `stage`
+    always_true = data.count[0] >= 0  # true, which the compiler cannot know, see `barrier`
 
     def step(_, search: LMState) -> LMState:
-        u, at, damping = search.unknowns, search.look, search.damping
+        u, at, damping = search.unknowns, search.evaluation, search.damping
         # an unknown at a bound that the gradient pushes outward waits, as does one that is fixed: its bounds are alike
         held = ((u <= low) & (at.gradient < 0)) | ((u >= high) & (at.gradient > 0))
         g = [jnp.where(held[i], 0.0, at.gradient[i]) for i in range(u.shape[0])]
@@ -94,8 +94,8 @@ def descend(
         for i in range(u.shape[0]):
             # Marquardt's scaling: damping is a part of the diagonal, and the unknowns' units do not matter
             H[i][i] = jnp.where(held[i], 1.0, A[i][i] * (1 + damping) + 1e-300)
-        L = cholesky(H, go)
-        full = jnp.stack(backward(L, forward(L, g, go), go))
+        L = cholesky(H, always_true)
+        full = jnp.stack(backward(L, forward(L, g, always_true), always_true))
         # at most 0.7 in any unknown: most are logarithms, of which it is a factor of two, beyond any linear model
         shrink = jnp.minimum(1.0, 0.7 / jnp.maximum(jnp.max(jnp.abs(full), axis=0), 1e-300))
         wanted = u + shrink * full
@@ -108,7 +108,7 @@ def descend(
             A[i][j] * moved[i] * moved[j] for i in range(u.shape[0]) for j in range(u.shape[0])
         )
         flat = promised <= FLAT * jnp.maximum(at.cost, 0.0) + EXACT * data.power
-        new = look(trial, data)
+        new = evaluate(trial, data)
         slack = 1e-14 * data.power  # rounding of the cost
         better = (new.cost <= at.cost + slack) & jnp.isfinite(new.cost)
         gain = (at.cost - new.cost) / jnp.maximum(promised, 1e-300)

@@ -61,17 +61,17 @@ def lanewise(compute: Callable) -> Callable:
     return allowed
 
 
-def stage(compute: Callable, go: Bool[Array, ""], *args) -> Any:
+def barrier(compute: Callable, always_true: Bool[Array, ""], *args) -> Any:
     """`compute(*args)`, its results written to memory before anybody reads them.
 
     Fused into its readers, a sine would be computed anew by each of them: an optimisation barrier does not keep
-    XLA on CPUs from that, a branch does. `go` is true, but the compiler cannot know. On an accelerator a branch would
-    wait for the host, and the barrier does.
+    XLA on CPUs from that, a branch does. `always_true` the compiler cannot know to be so. On an accelerator
+    a branch would wait for the host, and the barrier does.
     """
     if jax.default_backend() != "cpu":
         return jax.lax.optimization_barrier(compute(*args))
     skip = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(compute, *args))
-    return jax.lax.cond(go, compute, lambda *_: skip, *args)
+    return jax.lax.cond(always_true, compute, lambda *_: skip, *args)
 
 
 def total(terms) -> Any:
@@ -105,7 +105,7 @@ def spreads(y: jax.Array, count: Float[Array, " block"]) -> tuple[jax.Array, jax
     return jnp.sum(y * y, axis=1) / count, jnp.sum(rough, axis=1) / share
 
 
-def cholesky(A: list[list[jax.Array]], go: Bool[Array, ""]) -> list[list[jax.Array]]:
+def cholesky(A: list[list[jax.Array]], always_true: Bool[Array, ""]) -> list[list[jax.Array]]:
     """Lower factor, written out, its diagonal inverted; a pivot that is lost becomes tiny."""
     n = len(A)
     L = [[A[0][0]] * n for _ in range(n)]
@@ -117,13 +117,13 @@ def cholesky(A: list[list[jax.Array]], go: Bool[Array, ""]) -> list[list[jax.Arr
         return [inverse, *((A[i][j] - lost(i)) * inverse for i in range(j + 1, n))]
 
     for j in range(n):
-        found = stage(lambda A, L, j=j: column(j, A, L), go, A, L)
+        found = barrier(lambda A, L, j=j: column(j, A, L), always_true, A, L)
         for i in range(j, n):
             L[i][j] = found[i - j]
     return L
 
 
-def forward(L: list[list[jax.Array]], right: list[jax.Array], go: Bool[Array, ""]) -> list[jax.Array]:
+def forward(L: list[list[jax.Array]], right: list[jax.Array], always_true: Bool[Array, ""]) -> list[jax.Array]:
     """L⁻¹ right."""
 
     def solve(L, right):
@@ -132,10 +132,10 @@ def forward(L: list[list[jax.Array]], right: list[jax.Array], go: Bool[Array, ""
             found.append((right[i] - (total(L[i][k] * found[k] for k in range(i)) if i else 0.0)) * L[i][i])
         return found
 
-    return stage(solve, go, L, right)
+    return barrier(solve, always_true, L, right)
 
 
-def backward(L: list[list[jax.Array]], right: list[jax.Array], go: Bool[Array, ""]) -> list[jax.Array]:
+def backward(L: list[list[jax.Array]], right: list[jax.Array], always_true: Bool[Array, ""]) -> list[jax.Array]:
     """L⁻ᵀ right."""
     n = len(L)
 
@@ -146,7 +146,7 @@ def backward(L: list[list[jax.Array]], right: list[jax.Array], go: Bool[Array, "
             found[i] = rest * L[i][i]
         return found
 
-    return stage(solve, go, L, right)
+    return barrier(solve, always_true, L, right)
 
 
 def listed(A: jax.Array) -> list[list[jax.Array]]:

@@ -38,14 +38,14 @@ class Judgement:
 
     Attributes:
         word: One of `VERDICTS`; None where nothing rises above the noise.
-        ending: The waves it is read with: one where one is needed, else two.
+        solution: The waves it is read with: one where one is needed, else two.
         noise: Of each channel, under these.
         warnings: Why the numbers are not to be trusted.
         notes: What a reader may want to know besides.
     """
 
     word: str | None
-    ending: SignalFit
+    solution: SignalFit
     noise: tuple[Residual, ...]
     warnings: tuple[str, ...]
     notes: tuple[str, ...]
@@ -72,9 +72,9 @@ def judge(
         begin: The window's start.
         steps: (channels,) steps of digitised channels, in units of `values`.
     """
-    one, two, three = (endings[0] for endings in fits)
-    law = residuals(values, min((one, two, three), key=lambda ending: ending.power), elapsed)
-    chi = [chi_square(law, values, ending, elapsed) for ending in (one, two)]
+    one, two, three = (solutions[0] for solutions in fits)
+    law = residuals(values, min((one, two, three), key=lambda solution: solution.power), elapsed)
+    chi = [chi_square(law, values, solution, elapsed) for solution in (one, two)]
     still = sum(part.chi_square(row) for part, row in zip(law, values, strict=True))
     needed = of_mode(elapsed.size, len(names))
     if still - chi[0] <= needed and still - chi[1] <= needed:
@@ -88,7 +88,7 @@ def judge(
     fine = (left <= FINEST) | (left <= ROUNDED * steps)
     moves = [part.moves and not small for part, small in zip(noise, fine, strict=True)]
     warnings, notes = _of_the_modes(base, elapsed), []
-    blemished, told = _of_the_channels(marks, names)
+    blemished, channel_notes = _of_the_channels(marks, names)
     if not np.all(fine):
         others = tried(base, noise, elapsed, values, further, moves=any(moves))
         word, said = _weighed(word, base, noise, moves, values - base.curve(elapsed), others, names, begin)
@@ -102,7 +102,7 @@ def judge(
         warnings += _other_minima(fits[1], noise, elapsed, values) + _blurred(two, elapsed)
         sure, text = _overtone(two)
         (warnings if sure else notes).extend(text)
-    return Judgement(word, base, noise, tuple(warnings + blemished), tuple(notes + told))
+    return Judgement(word, base, noise, tuple(warnings + blemished), tuple(notes + channel_notes))
 
 
 def _weighed(
@@ -122,7 +122,7 @@ def _weighed(
     cause = telling[0] if telling else None
     # where nothing tried describes the record, a third mode that takes a good part away is the plainest word
     mode = next((other for other in telling if other.kind == "mode"), None)
-    if mode and cause and not cause.describes and mode.ending.power < (1 - TAKEN_AWAY) ** 2 * base.power:
+    if mode and cause and not cause.describes and mode.solution.power < (1 - TAKEN_AWAY) ** 2 * base.power:
         cause = mode
     level = np.array([part.level for part in (cause.noise if cause and cause.describes else noise)])
     rms = np.sqrt(np.mean(left**2, axis=1))
@@ -134,23 +134,23 @@ def _weighed(
         return "misfit", [text + ", and nothing else that was tried describes it"]
     whole = "would describe it" if cause.describes else "would take away most, not all"
     if cause.kind == "mode":
-        return "more than two", [f"{text}; a third mode at Ω = {_third(cause.ending, base):.4g} {whole}"]
+        return "more than two", [f"{text}; a third mode at Ω = {_third(cause.solution, base):.4g} {whole}"]
     return "misfit", [f"{text}; {_in_words(cause, begin)} {whole}"]
 
 
 def _in_words(cause: Alternative, begin: float) -> str:
-    ending = cause.ending
+    solution = cause.solution
     if cause.kind in DRIFTING:
         shape = "a straight drift" if cause.kind == "line" else "a drift that fades"
         if cause.kind == "exponential":
-            shape += f" in {1 / np.exp(ending.unknowns[-1]):.4g}"
+            shape += f" in {1 / np.exp(solution.unknowns[-1]):.4g}"
         return f'{shape} (drift="{cause.kind}")'
     if cause.kind == "kick":
-        assert ending.model.kick is not None
-        return f"a second kick at t = {begin + ending.model.kick:.4g} (end the window there)"
-    if np.any(ending.sigma < 0):
+        assert solution.model.kick is not None
+        return f"a second kick at t = {begin + solution.model.kick:.4g} (end the window there)"
+    if np.any(solution.sigma < 0):
         return "a mode that grows"
-    return "decays of their own, τ = " + " and ".join(f"{1 / sigma:.4g}" for sigma in ending.sigma) + ","
+    return "decays of their own, τ = " + " and ".join(f"{1 / sigma:.4g}" for sigma in solution.sigma) + ","
 
 
 def _third(more: SignalFit, base: SignalFit) -> float:
@@ -163,7 +163,7 @@ def _of_the_modes(base: SignalFit, elapsed: np.ndarray) -> list[str]:
     texts, span, M = [], float(elapsed[-1]), base.model.modes
     turns = base.Omega[0] * span / (2 * np.pi)
     if turns < 1 and sound(base, elapsed):
-        texts.append(f"less than a period is heard: {turns:.2g} turns of the slow mode in the window")
+        texts.append(f"the window holds less than a period: {turns:.2g} turns of the slow mode in the window")
     tau, error = 1 / base.sigma[0], np.sqrt(max(base.covariance[M, M], 0.0))
     if tau > 0.99 * LONGEST * span:
         texts.append("nothing decays: the decay time is at its bound")
@@ -199,8 +199,8 @@ def _near_by(pairs: Sequence[SignalFit], elapsed: np.ndarray) -> list[str]:
         beats = (pair.Omega[1] - pair.Omega[0]) * float(elapsed[-1]) / (2 * np.pi)
         if pair.at_rest and beats <= BEATS:
             first, second = np.hypot(pair.Omega, pair.sigma)
-            told = f"ω = {first:.4g} and {second:.4g}"
-            return [f"two modes close together are likelier than one, {told}, but not told apart"]
+            both = f"ω = {first:.4g} and {second:.4g}"
+            return [f"two modes close together are likelier than one, {both}, but not told apart"]
     return []
 
 
@@ -215,11 +215,11 @@ def _blurred(two: SignalFit, elapsed: np.ndarray) -> list[str]:
     return [f"{text}; a longer or quieter record tells"]
 
 
-def _other_minima(endings: Sequence[SignalFit], noise, elapsed, values) -> list[str]:
+def _other_minima(solutions: Sequence[SignalFit], noise, elapsed, values) -> list[str]:
     """Another pair that describes the record as well."""
-    best = endings[0]
+    best = solutions[0]
     chi = chi_square(noise, values, best, elapsed)
-    for other in endings[1:]:
+    for other in solutions[1:]:
         if not sound(other, elapsed):
             continue
         error = np.sqrt(np.maximum(np.diag(best.covariance), 1e-300))

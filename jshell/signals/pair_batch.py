@@ -21,8 +21,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jshell.errors import BadShape, BadValue, Outcome
-from jshell.signals.lane_search import CONVERGED, RUNNING, Look, begin, descend
-from jshell.signals.lanes import BLOCK, centred, lanewise, spreads, stage, total
+from jshell.signals.lane_search import CONVERGED, RUNNING, Evaluation, begin, descend
+from jshell.signals.lanes import BLOCK, barrier, centred, lanewise, spreads, total
 from jshell.signals.pencil import rates
 from jshell.signals.pencil_batch import CELLS, poles
 from jshell.signals.two_waves import explained
@@ -32,7 +32,7 @@ TOGETHER = 16
 ROUNDS = 12
 FEWEST = 32
 CLOSEST = 0.5  # modes nearer than this over τ are one mode
-CARE = 256  # at most so many records that end badly are tried again one by one
+MAX_RETRIES = 256  # at most so many records that end badly are tried again one by one
 MISFIT = 2.25  # what is left over the noise, squared, from which a record is tried again, and not described
 
 
@@ -66,7 +66,7 @@ class Pairs:
     def described(self) -> np.ndarray:
         """(rows,) whether two modes are found and leave no more than half again the noise.
 
-        Others hold more modes, a drift, decays of their own, or noise that remembers: `extract` says which.
+        Others hold more modes, a drift, decays of their own, or autocorrelated noise: `extract` says which.
         """
         return (self.outcome == Outcome.OK) & (self.noise_ratio**2 < MISFIT)
 
@@ -79,22 +79,22 @@ class Records(NamedTuple):
     power: Float[Array, " block"]
 
 
-def look(logs: Float[Array, "3 block"], data: Records) -> Look:
+def evaluate(logs: Float[Array, "3 block"], data: Records) -> Evaluation:
     """Cost, gradient and normal matrix by log Ω-, log Ω+, log 1/τ, per sample."""
-    go = data.count[0] >= 0
+    always_true = data.count[0] >= 0
 
     def roots(logs):
         turn, decay = jnp.exp(logs[:2]), jnp.exp(logs[2])
         size = jnp.exp(-decay)
         return turn, decay, size * jnp.cos(turn), size * jnp.sin(turn)
 
-    turn, decay, real, imag = stage(roots, go, logs)
-    d = data_sums(data.values, real, imag, go)[0]
-    G, sums = gram(decay, turn, data.count, go)
-    found = explained(turn, decay, d, G, go)
+    turn, decay, real, imag = barrier(roots, always_true, logs)
+    d = data_sums(data.values, real, imag, always_true)[0]
+    G, sums = gram(decay, turn, data.count, always_true)
+    found = explained(turn, decay, d, G, always_true)
     cost = data.power - found.power
     sound = jnp.isfinite(cost) & (turn[1] < jnp.pi) & (decay < 3.0)
-    return Look(jnp.where(sound, cost, jnp.inf), found.gradient, found.normal, found.amplitudes, sums)
+    return Evaluation(jnp.where(sound, cost, jnp.inf), found.gradient, found.normal, found.amplitudes, sums)
 
 
 class BlockFit(NamedTuple):
@@ -112,18 +112,18 @@ class BlockFit(NamedTuple):
 
 def solve(values: Float[Array, "1 times block"], count: Float[Array, " block"], start, cell: int) -> BlockFit:
     """Fit a block; NaN starts come from the pencil."""
-    go = count[0] >= 0
-    y, mean = stage(centred, go, values, count)
-    square, noise = stage(spreads, go, y, count)
-    growth, turn = poles(y, count, jax.lax.rsqrt(jnp.maximum(square, 1e-300)), cell, go)
+    always_true = count[0] >= 0
+    y, mean = barrier(centred, always_true, values, count)
+    square, noise = barrier(spreads, always_true, y, count)
+    growth, turn = poles(y, count, jax.lax.rsqrt(jnp.maximum(square, 1e-300)), cell, always_true)
     decay = jnp.clip(-(growth[0] + growth[1]) / 2, 0.05 / count, 0.5)
     first_guess = jnp.log(jnp.maximum(jnp.stack([turn[0], turn[1], decay]), 1e-12))
     first = jnp.where(jnp.isnan(start), first_guess, start)
     data = Records(y, count, square[0] * count)
     low = jnp.log(jnp.stack([0.1 / count, 0.1 / count, 1e-3 / count]))
     high = jnp.log(jnp.stack([3.1 + 0 * count, 3.1 + 0 * count, 2.0 + 0 * count]))
-    search = descend(begin(jnp.clip(first, low, high), data, look), data, low, high, look)
-    at = search.look
+    search = descend(begin(jnp.clip(first, low, high), data, evaluate), data, low, high, evaluate)
+    at = search.evaluation
     offset = mean[0] - total(at.linear[i] * at.sums[i] for i in range(4)) / count
     return BlockFit(search.unknowns, at.cost, at.normal, at.linear, search.status, offset, noise[0], square[0])
 
@@ -184,7 +184,7 @@ def extract_batch(
     with np.errstate(all="ignore"):
         left = _left(found, n)
     again = usable & ((found.status != CONVERGED) | ~(left < MISFIT))
-    if 0 < again.sum() <= CARE:
+    if 0 < again.sum() <= MAX_RETRIES:
         _with_care(found, data, n, np.flatnonzero(again))
     with np.errstate(all="ignore"):  # rows that failed hold anything; they are hidden below
         return _read(found, n, steps, usable)

@@ -46,8 +46,8 @@ def rates(times: Float[np.ndarray, "times"], values: Float[np.ndarray, "channels
     elapsed = step * np.arange(GRID)
     for row in poles(even, float(step), ORDERS):
         growth, turn = np.real(row), np.imag(row)
-        turning = (turn > 1.0 / span) & (turn < 0.9 * np.pi / step)
-        s = row[turning & (-growth < SIDEWAYS * turn) & (growth < 2 / span)]
+        oscillating = (turn > 1.0 / span) & (turn < 0.9 * np.pi / step)
+        s = row[oscillating & (-growth < SIDEWAYS * turn) & (growth < 2 / span)]
         if s.size:
             waves = np.exp(np.outer(elapsed, s))
             columns = np.concatenate([np.real(waves), np.imag(waves), np.ones((GRID, 1))], axis=1)
@@ -88,11 +88,11 @@ def poles(
     if not np.all(np.isfinite(stacked)):
         return [np.zeros(0, dtype=complex) for _ in orders]
     # the triangular factor has the same right singular vectors, and the left ones of the tall matrix are not wanted
-    space = np.linalg.svd(np.linalg.qr(stacked, mode="r"), full_matrices=False)[2].T
+    subspace = np.linalg.svd(np.linalg.qr(stacked, mode="r"), full_matrices=False)[2].T
     found = []
     for order in orders:
-        last = space[-1, :order]
-        overlap = space[:-1, :order].T @ space[1:, :order]
+        last = subspace[-1, :order]
+        overlap = subspace[:-1, :order].T @ subspace[1:, :order]
         # the columns are orthonormal, so that leaving out their last row takes one dyad from their Gram matrix
         step_on = overlap + np.outer(last, last @ overlap) / max(1 - last @ last, 1e-12)
         z = np.linalg.eigvals(step_on)

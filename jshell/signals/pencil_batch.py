@@ -17,7 +17,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from jshell.signals.lanes import backward, cholesky, forward, listed, stage, total
+from jshell.signals.lanes import backward, barrier, cholesky, forward, listed, total
 
 CELLS = 100  # a record has about so many
 TOGETHER = 4  # windows that are summed in one pass
@@ -32,7 +32,7 @@ def poles(
     count: Float[Array, " block"],
     scale: Float[Array, "channels block"],
     cell: int,
-    go: Bool[Array, ""],
+    always_true: Bool[Array, ""],
 ) -> tuple[Float[Array, "2 block"], Float[Array, "2 block"]]:
     """Growth and turn per sample of the two modes, slow first.
 
@@ -41,16 +41,16 @@ def poles(
         count: Samples of each record.
         scale: Factor that makes the channels comparable.
         cell: Samples per cell.
-        go: True.
+        always_true: True.
 
     Returns:
         Real and imaginary part of log z per sample. A mode that does not turn has turn 0.
     """
-    y, whole = stage(lambda v, n, s: _cells(v, n, s, cell), go, values, count, scale)
-    R = stage(_covariance, go, y, whole)
-    Q = _leading(R, go)
-    step = _carried(Q, go)
-    return stage(lambda c: _turns(c, cell), go, stage(_polynomial, go, step))
+    y, whole = barrier(lambda v, n, s: _cells(v, n, s, cell), always_true, values, count, scale)
+    R = barrier(_covariance, always_true, y, whole)
+    Q = _leading(R, always_true)
+    step = _carried(Q, always_true)
+    return barrier(lambda c: _turns(c, cell), always_true, barrier(_polynomial, always_true, step))
 
 
 def _cells(values, count, scale, cell: int):
@@ -98,22 +98,22 @@ def _covariance(y: Float[Array, "channels cells block"], whole: Float[Array, " b
     return full - windows * total(means[c, :, None] * means[c, None, :] for c in range(channels))
 
 
-def _leading(R: Float[Array, "width width block"], go) -> Float[Array, "width order block"]:
+def _leading(R: Float[Array, "width width block"], always_true) -> Float[Array, "width order block"]:
     """An orthonormal basis of the four leading eigenvectors."""
 
     def orthonormal(Z):
-        N = stage(lambda Z: total(Z[k, :, None] * Z[k, None, :] for k in range(WIDTH)), go, Z)
-        L = cholesky(listed(N), go)
-        return jnp.stack(forward(L, [Z[:, i] for i in range(ORDER)], go), axis=1)
+        N = barrier(lambda Z: total(Z[k, :, None] * Z[k, None, :] for k in range(WIDTH)), always_true, Z)
+        L = cholesky(listed(N), always_true)
+        return jnp.stack(forward(L, [Z[:, i] for i in range(ORDER)], always_true), axis=1)
 
     def sweep(_, Q):
-        return orthonormal(stage(lambda R, Q: total(R[:, k, None] * Q[k] for k in range(WIDTH)), go, R, Q))
+        return orthonormal(barrier(lambda R, Q: total(R[:, k, None] * Q[k] for k in range(WIDTH)), always_true, R, Q))
 
     first = jnp.stack([R[:, k] for k in (1, 7, 14, 21)], axis=1)
     return jax.lax.fori_loop(0, SWEEPS, sweep, orthonormal(first))
 
 
-def _carried(Q: Float[Array, "width order block"], go) -> Float[Array, "order order block"]:
+def _carried(Q: Float[Array, "width order block"], always_true) -> Float[Array, "order order block"]:
     """The matrix that carries the space one cell on, by least squares."""
 
     def products(Q):
@@ -121,9 +121,9 @@ def _carried(Q: Float[Array, "width order block"], go) -> Float[Array, "order or
         of = lambda a, b: total(a[k, :, None] * b[k, None, :] for k in range(WIDTH - 1))  # noqa: E731
         return of(before, before), of(before, after)
 
-    N, right = stage(products, go, Q)
-    L = cholesky(listed(N), go)
-    return jnp.stack(backward(L, forward(L, [right[i] for i in range(ORDER)], go), go))
+    N, right = barrier(products, always_true, Q)
+    L = cholesky(listed(N), always_true)
+    return jnp.stack(backward(L, forward(L, [right[i] for i in range(ORDER)], always_true), always_true))
 
 
 def _polynomial(F: Float[Array, "order order block"]) -> Float[Array, "order block"]:

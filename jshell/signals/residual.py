@@ -23,7 +23,7 @@ BOUND = 9.0  # of a squared coefficient over its law: what is beyond counts no m
 MEDIAN = 0.454936  # of the square of a normal number
 CHANCE = 1e-4  # of calling noise a motion, over the whole spectrum
 ENOUGH = 16384  # coefficients that the memory is read from; of more, every second, third, …
-REMEMBERS = 4.0  # standard errors from which φ is told from 0
+CORRELATED = 4.0  # standard errors from which φ is told from 0
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ def examine(left: Float[np.ndarray, "times"], lost: int = 0) -> Residual:
     for memory in (0.0, *np.linspace(low, high, 9)):
         cost = _cost(few[0], memory, *few[1:])[0]
         # a memory must earn its place: twice the log likelihood falls by a unit for nothing
-        cost += REMEMBERS**2 * (memory != 0.0)
+        cost += CORRELATED**2 * (memory != 0.0)
         if cost < best[0]:
             best = (cost, float(memory))
     memory = best[1]

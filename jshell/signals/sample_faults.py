@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 FEWEST = 4  # equal samples at an extreme that make a clipped channel
-LEVELS = 16  # a channel of fewer levels is too coarse to be heard well
+LEVELS = 16  # a channel of fewer levels is too coarse for its frequencies
 STEP_NOISE = 0.29  # rms of the error of rounding, over the step: 1/sqrt(12)
 
 

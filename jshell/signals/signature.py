@@ -34,7 +34,7 @@ class Signature:
 
     Attributes:
         omega_minus, omega_plus, tau: Of the two-mode fit, in the trace's time unit; None unless the outcome is ok.
-            Where one mode is heard it is ω-, and ω+ is None.
+            Where one mode is found it is ω-, and ω+ is None.
         stderr: Standard errors of the three, from the residual as noise, white or autocorrelated; NaN of what is None.
         amplitudes, phases: Channel to (slow, fast) amplitude in the channel's unit, and phase [rad], both at the
             window's start.
@@ -214,28 +214,28 @@ def extract(
     found = judge(fits, *cells, names, marks, window[0], steps=steps)
     if found.word is None:
         return ended("no oscillation rises above the noise in the window")
-    if not sound(found.ending, cells[0]):
+    if not sound(found.solution, cells[0]):
         why, outcome = "the fit did not converge", Outcome.NOT_CONVERGED
         if not sound(fits[0][0], cells[0]):
             why, outcome = "no ring-down is found in the window", Outcome.UNUSABLE_DATA
         silent = _silent(names, window, t_dip, why, throw, outcome)
-        told = found.word if found.word in ("more than two", "misfit") else None
-        return replace(silent, verdict=told, warnings=found.warnings, notes=found.notes, drift=drift)
-    endings = [endings[0] for endings in fits]
+        word = found.word if found.word in ("more than two", "misfit") else None
+        return replace(silent, verdict=word, warnings=found.warnings, notes=found.notes, drift=drift)
+    solutions = [solutions[0] for solutions in fits]
     if cells[0].size < elapsed.size:
-        endings = [measured(one, elapsed, even) for one in endings]
-        place = found.ending.model.modes - 1
-        endings[place] = search(endings[place].model, elapsed, even, endings[place].unknowns)
-        found = replace(found, ending=endings[place], noise=residuals(even, endings[place], elapsed))
+        solutions = [measured(one, elapsed, even) for one in solutions]
+        place = found.solution.model.modes - 1
+        solutions[place] = search(solutions[place].model, elapsed, even, solutions[place].unknowns)
+        found = replace(found, solution=solutions[place], noise=residuals(even, solutions[place], elapsed))
     if (weighed := _weighed(found, elapsed, even)) is not found:
         found = weighed
-        endings[found.ending.model.modes - 1] = found.ending
-    every = tuple(damped_modes(one, elapsed, even, mean, scale) for one in endings)
-    best = every[found.ending.model.modes - 1]
+        solutions[found.solution.model.modes - 1] = found.solution
+    every = tuple(damped_modes(one, elapsed, even, mean, scale) for one in solutions)
+    best = every[found.solution.model.modes - 1]
     errors = best.errors * _wider(found, float(np.median(np.diff(elapsed))))
     alone = found.word == "one" or best.Omega.size == 1
-    amplitudes, phases, offsets = _amplitudes(elapsed, cut, names, found.ending)
-    signal = even - found.ending.background(elapsed)
+    amplitudes, phases, offsets = _amplitudes(elapsed, cut, names, found.solution)
+    signal = even - found.solution.background(elapsed)
     noise = [part.level**2 / np.mean(row**2) for part, row in zip(found.noise, signal, strict=True)]
     return Signature(
         omega_minus=float(best.omega[0]),
@@ -287,7 +287,7 @@ def _fits(elapsed: np.ndarray, values: np.ndarray, drift: str) -> tuple[str, lis
     tries = {kind: model_orders(elapsed, values, kind) for kind in ("constant", "line", "exponential")}
     if not all(fits[0] for fits in tries.values()):
         return "constant", tries["constant"]
-    richest = min((fits[1][0] for fits in tries.values()), key=lambda ending: ending.power)
+    richest = min((fits[1][0] for fits in tries.values()), key=lambda solution: solution.power)
     noise = residuals(values, richest, elapsed)
     chi = {kind: chi_square(noise, values, fits[1][0], elapsed) for kind, fits in tries.items()}
     good = {kind: chi[kind] if sound(fits[1][0], elapsed) else np.inf for kind, fits in tries.items()}
@@ -310,26 +310,26 @@ def _weighed(found: Judgement, elapsed: np.ndarray, values: np.ndarray) -> Judge
     level = np.maximum(level, QUIETEST * level.max())
     if level.max() <= LOUDER * level.min():
         return found
-    near = search(found.ending.model, elapsed, values / level[:, None], found.ending.unknowns)
+    near = search(found.solution.model, elapsed, values / level[:, None], found.solution.unknowns)
     if not sound(near, elapsed):
         return found
     here = measured(near, elapsed, values)
-    return replace(found, ending=replace(here, covariance=near.covariance))
+    return replace(found, solution=replace(here, covariance=near.covariance))
 
 
 def _wider(found: Judgement, step: float) -> np.ndarray:
     """Factors of the errors of each ω and of τ where the noise is autocorrelated: it is louder at one place than on
     average, and errors of white noise do not know."""
-    at = np.stack([one.louder(found.ending.Omega * step) for one in found.noise])
+    at = np.stack([one.louder(found.solution.Omega * step) for one in found.noise])
     worst = at.max(axis=0)
     return np.append(worst, worst.max())
 
 
-def _amplitudes(elapsed: np.ndarray, cut: Trace, names: tuple[str, ...], ending: SignalFit):
+def _amplitudes(elapsed: np.ndarray, cut: Trace, names: tuple[str, ...], solution: SignalFit):
     """Amplitudes, phases and offsets of every measured channel at the waves' frequencies and decay."""
     listed = tuple(dict.fromkeys((*(m for m in MEASURED if m in cut.channels), *names)))
-    linear = linear_part(ending, elapsed, np.stack([np.asarray(cut[name], dtype=float) for name in listed]))
-    waves = linear[ending.model.background :]
+    linear = linear_part(solution, elapsed, np.stack([np.asarray(cut[name], dtype=float) for name in listed]))
+    waves = linear[solution.model.background :]
     C, S = waves[0::2], waves[1::2]
     size, turned = np.hypot(C, S), np.arctan2(-S, C)
     second = lambda row: float(row[1]) if row.size > 1 else 0.0  # noqa: E731
@@ -337,7 +337,7 @@ def _amplitudes(elapsed: np.ndarray, cut: Trace, names: tuple[str, ...], ending:
     for name, one, angle, k in zip(listed, size.T, turned.T, range(len(listed)), strict=True):
         amplitudes[name] = (float(one[0]), second(one))
         phases[name] = (float(angle[0]), second(angle))
-        offsets[name] = float(linear[0, k]) if ending.model.background else 0.0
+        offsets[name] = float(linear[0, k]) if solution.model.background else 0.0
     return amplitudes, phases, offsets
 
 

@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jshell.signals.lanes import backward, cholesky, forward, listed, stage, total
+from jshell.signals.lanes import backward, barrier, cholesky, forward, listed, total
 
 
 class Explained(NamedTuple):
@@ -34,7 +34,7 @@ class Explained(NamedTuple):
 
 
 def explained(
-    turn: Float[Array, "2 block"], decay: Float[Array, " block"], d: jax.Array, G: jax.Array, go: jax.Array
+    turn: Float[Array, "2 block"], decay: Float[Array, " block"], d: jax.Array, G: jax.Array, always_true: jax.Array
 ) -> Explained:
     """What the waves explain.
 
@@ -42,31 +42,31 @@ def explained(
         turn, decay: Ω and σ, per sample.
         d: (8, block) of the data with the basis.
         G: (8, 8, block) of the basis with itself.
-        go: True.
+        always_true: True.
     """
-    L = cholesky(listed(G[:4, :4]), go)
-    half = forward(L, [d[i] for i in range(4)], go)
-    C = backward(L, half, go)
+    L = cholesky(listed(G[:4, :4]), always_true)
+    half = forward(L, [d[i] for i in range(4)], always_true)
+    C = backward(L, half, always_true)
 
     def tangents(C, turn, decay):
         zero = jnp.zeros_like(decay)
         slow, fast = [C[1] * turn[0], -C[0] * turn[0]], [C[3] * turn[1], -C[2] * turn[1]]
         return jnp.stack([*slow, zero, zero, zero, zero, *fast, *(-c * decay for c in C)]).reshape(3, 4, -1)
 
-    X = stage(tangents, go, C, turn, decay)
+    X = barrier(tangents, always_true, C, turn, decay)
 
     def products(G, X):
         return total(X[:, j, None] * G[4 + j, 4:] for j in range(4)), total(
             X[:, j, None] * G[4 + j, :4] for j in range(4)
         )
 
-    GX, mixed = stage(products, go, G, X)
-    U = forward(L, [mixed[:, j] for j in range(4)], go)
+    GX, mixed = barrier(products, always_true, G, X)
+    U = forward(L, [mixed[:, j] for j in range(4)], always_true)
 
     def sums_of(X, GX, mixed, U, C):
         gradient = total(X[:, j] * d[4 + j] - mixed[:, j] * C[j] for j in range(4))
         straight = total(X[:, None, j] * GX[None, :, j] for j in range(4))
         return gradient, straight - total(U[j][:, None] * U[j][None, :] for j in range(4)), jnp.stack(C)
 
-    gradient, normal, best = stage(sums_of, go, X, GX, mixed, U, C)
+    gradient, normal, best = barrier(sums_of, always_true, X, GX, mixed, U, C)
     return Explained(total(x * x for x in half), gradient, normal, best)

@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from jshell.signals.lanes import stage, total
+from jshell.signals.lanes import barrier, total
 
 INNER = 16  # samples that one unrolled sum takes
 
@@ -42,7 +42,7 @@ def powers(
 
 
 def data_sums(
-    values: Float[Array, "channels times block"], real: jax.Array, imag: jax.Array, go: Bool[Array, ""]
+    values: Float[Array, "channels times block"], real: jax.Array, imag: jax.Array, always_true: Bool[Array, ""]
 ) -> Float[Array, "channels 8 block"]:
     """Σ y b for every channel.
 
@@ -50,12 +50,12 @@ def data_sums(
         values: Data, 0 beyond each record; times are a multiple of INNER.
         real: (modes, block) Re z.
         imag: (modes, block) Im z.
-        go: True.
+        always_true: True.
     """
     groups = values.shape[1] // INNER
     # groups of INNER samples: each is summed unrolled in registers, so that a sample is read from memory once
     grouped = values.reshape(values.shape[0], groups, INNER, values.shape[2])
-    r, i, lengths = stage(lambda a, b: powers(a, b, groups), go, real, imag)
+    r, i, lengths = barrier(lambda a, b: powers(a, b, groups), always_true, real, imag)
     lift = lambda x: x[None, :, None, :]  # noqa: E731
 
     def within(grouped, r, i):
@@ -83,22 +83,22 @@ def data_sums(
         )
 
     # log2(groups) joins, each half as many as the last; the rounding grows with their number, not with the samples'
-    parts = stage(within, go, grouped, r, i)
+    parts = barrier(within, always_true, grouped, r, i)
     for level, z in enumerate(lengths):
         if parts[0].shape[2] > 1:
             length = INNER * 2**level
-            parts = stage(lambda parts, z, length=length: joined(parts, length, z), go, parts, z)
+            parts = barrier(lambda parts, z, length=length: joined(parts, length, z), always_true, parts, z)
 
     def side_by_side(A, B, tA, tB):
         # the order of the basis b: Re z-, Im z-, Re z+, Im z+, then t times these
         pairs = ((A, B), (tA, tB))
         return jnp.stack([part[:, m, 0] for pair in pairs for m in range(2) for part in pair], axis=1)
 
-    return stage(side_by_side, go, *parts)
+    return barrier(side_by_side, always_true, *parts)
 
 
 def geometric(
-    real: Float[Array, "rates block"], imag: Float[Array, "rates block"], count: Float[Array, "1 block"], go
+    real: Float[Array, "rates block"], imag: Float[Array, "rates block"], count: Float[Array, "1 block"], always_true
 ) -> tuple[tuple[jax.Array, jax.Array], ...]:
     """Σ q^t, Σ t q^t and Σ t² q^t over t < count, q = exp(real + i imag); real and imaginary parts.
 
@@ -117,7 +117,7 @@ def geometric(
         return (dr * size, -di * size), (dr + 1, di), (Er, Ei)
 
     times = lambda a, b: (a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0])  # noqa: E731
-    inverse, e, E = stage(ends, go, real, imag, count)
+    inverse, e, E = barrier(ends, always_true, real, imag, count)
 
     def first(inverse, e, E, count):
         # Σ q^t = (q^n - 1)/(q - 1), and Σ t q^t by summation by parts from it
@@ -131,18 +131,20 @@ def geometric(
         n2 = count * count
         return times((n2 * E[0] - e0[0] - 2 * e1[0], n2 * E[1] - e0[1] - 2 * e1[1]), inverse)
 
-    E, S0, e0, S1, e1 = stage(first, go, inverse, e, E, count)
-    return S0, S1, stage(second, go, inverse, E, e0, e1, count)
+    E, S0, e0, S1, e1 = barrier(first, always_true, inverse, e, E, count)
+    return S0, S1, barrier(second, always_true, inverse, E, e0, e1, count)
 
 
-def gram(decay: jax.Array, turn: jax.Array, count: jax.Array, go: Bool[Array, ""]) -> tuple[jax.Array, jax.Array]:
+def gram(
+    decay: jax.Array, turn: jax.Array, count: jax.Array, always_true: Bool[Array, ""]
+) -> tuple[jax.Array, jax.Array]:
     """Products of the basis, centred and summed over a record, (8, 8, block); and its plain sums (8, block).
 
     Args:
         decay: σ Δ.
         turn: (modes, block) Ω Δ.
         count: Samples.
-        go: True.
+        always_true: True.
     """
 
     def logarithms(decay, turn):
@@ -151,7 +153,7 @@ def gram(decay: jax.Array, turn: jax.Array, count: jax.Array, go: Bool[Array, ""
         imag = jnp.stack([2 * slow, 2 * fast, slow + fast, slow - fast, zero, slow, fast])
         return jnp.stack([-2 * decay] * 5 + [-decay] * 2), imag
 
-    orders = geometric(*stage(logarithms, go, decay, turn), count[None], go)  # pyright: ignore[reportCallIssue]
+    orders = geometric(*barrier(logarithms, always_true, decay, turn), count[None], always_true)  # pyright: ignore[reportCallIssue]
 
     def block(P, M):  # of z_a, z_b: P holds Σ z_a z_b, M holds Σ z_a conj(z_b)
         return [[(P[0] + M[0]) / 2, (P[1] - M[1]) / 2], [(P[1] + M[1]) / 2, (M[0] - P[0]) / 2]]
@@ -172,7 +174,7 @@ def gram(decay: jax.Array, turn: jax.Array, count: jax.Array, go: Bool[Array, ""
         G = [jnp.stack([rows[i][j] - sums[i] * sums[j] / count for j in range(8)]) for i in range(8)]
         return jnp.stack(G), jnp.stack(sums)
 
-    return stage(whole, go, orders, count)
+    return barrier(whole, always_true, orders, count)
 
 
 def uneven_sums(
@@ -182,7 +184,7 @@ def uneven_sums(
     decay: Float[Array, " block"],
     turn: Float[Array, "modes block"],
     count: Float[Array, " block"],
-    go: Bool[Array, ""],
+    always_true: Bool[Array, ""],
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
     """The same sums for records whose times are uneven, sample by sample.
 
@@ -193,7 +195,7 @@ def uneven_sums(
         decay: σ per unit of time.
         turn: Ω per unit of time.
         count: Samples of each record.
-        go: True.
+        always_true: True.
 
     Returns:
         Σ y b (channels, 8, block), centred Σ b bᵀ (8, 8, block), Σ b (8, block).
@@ -205,8 +207,8 @@ def uneven_sums(
         waves = [size * wave(turn[m] * samples) for m in range(2) for wave in (jnp.cos, jnp.sin)]
         return jnp.stack(waves + [samples * wave for wave in waves])
 
-    b = stage(basis, go, samples, inside, decay, turn)
-    d = jnp.stack([stage(lambda b, y: jnp.sum(b * y, axis=1), go, b, row) for row in values])
-    sums = stage(lambda b: jnp.sum(b, axis=1), go, b)
-    rows = [stage(lambda b, one: jnp.sum(b * one, axis=1), go, b, b[i]) for i in range(8)]
+    b = barrier(basis, always_true, samples, inside, decay, turn)
+    d = jnp.stack([barrier(lambda b, y: jnp.sum(b * y, axis=1), always_true, b, row) for row in values])
+    sums = barrier(lambda b: jnp.sum(b, axis=1), always_true, b)
+    rows = [barrier(lambda b, one: jnp.sum(b * one, axis=1), always_true, b, b[i]) for i in range(8)]
     return d, jnp.stack([row - sums[i] * sums / count for i, row in enumerate(rows)]), sums

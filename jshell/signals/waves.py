@@ -130,7 +130,7 @@ def search(
     span = float(elapsed[-1])
     low, high = _bounds(model, span, float(np.median(np.diff(elapsed))))
     unknowns = np.clip(start, low, high)
-    cost, slope, rest, linear = look(model, unknowns, elapsed, values, span)
+    cost, slope, rest, linear = evaluate(model, unknowns, elapsed, values, span)
     floor, damping, done = 1e-26 * float(np.sum(values**2)), 1e-3, False
     for _ in range(steps):
         gradient, normal = slope.T @ rest, slope.T @ slope
@@ -143,7 +143,7 @@ def search(
         trial = np.clip(unknowns + np.clip(full, -LEAP, LEAP), low, high)
         move = trial - unknowns
         promised = -float(2 * gradient @ move + move @ normal @ move)
-        seen = look(model, trial, elapsed, values, span)
+        seen = evaluate(model, trial, elapsed, values, span)
         better = bool(seen[0] < cost)
         flat = promised <= FLAT * cost + floor and bool(np.all(np.abs(full) <= LEAP))
         done = flat or damping > 1e12 or bool(np.max(np.abs(move)) < TOLERANCE)
@@ -158,14 +158,14 @@ def search(
     return _ended(model, unknowns, span, (cost, slope, linear), elapsed.size * values.shape[0], done)
 
 
-def measured(ending: SignalFit, elapsed: np.ndarray, values: np.ndarray) -> SignalFit:
+def measured(solution: SignalFit, elapsed: np.ndarray, values: np.ndarray) -> SignalFit:
     """The same waves on other samples of the record, their linear part found anew."""
     span = float(elapsed[-1])
-    unknowns = ending.unknowns.copy()
-    if ending.model.own_decay:
-        unknowns[ending.model.modes : 2 * ending.model.modes] *= span / ending.span
-    cost, slope, _, linear = look(ending.model, unknowns, elapsed, values, span)
-    return _ended(ending.model, unknowns, span, (cost, slope, linear), values.size, ending.at_rest)
+    unknowns = solution.unknowns.copy()
+    if solution.model.own_decay:
+        unknowns[solution.model.modes : 2 * solution.model.modes] *= span / solution.span
+    cost, slope, _, linear = evaluate(solution.model, unknowns, elapsed, values, span)
+    return _ended(solution.model, unknowns, span, (cost, slope, linear), values.size, solution.at_rest)
 
 
 def _ended(model: SignalModel, unknowns: np.ndarray, span: float, found, count: int, done: bool) -> SignalFit:
@@ -188,7 +188,7 @@ def _ended(model: SignalModel, unknowns: np.ndarray, span: float, found, count: 
     return SignalFit(model, unknowns[place], span, float(cost), linear[rows], covariance[np.ix_(place, place)], good)
 
 
-def look(model: SignalModel, unknowns: np.ndarray, elapsed: np.ndarray, values: np.ndarray, span: float):
+def evaluate(model: SignalModel, unknowns: np.ndarray, elapsed: np.ndarray, values: np.ndarray, span: float):
     """Cost; Jacobian after Kaufman and residual, both on an orthonormal basis of what the background and waves leave;
     and the linear part."""
     lead, parts = model.columns, []
@@ -207,9 +207,9 @@ def look(model: SignalModel, unknowns: np.ndarray, elapsed: np.ndarray, values: 
     return float(np.sum(rest**2)), *flat, linear
 
 
-def linear_part(ending: SignalFit, elapsed: np.ndarray, values: np.ndarray) -> np.ndarray:
+def linear_part(solution: SignalFit, elapsed: np.ndarray, values: np.ndarray) -> np.ndarray:
     """(columns, channels) of other channels of the same record, at the waves of an ending."""
-    return look(ending.model, ending.unknowns, elapsed, values, ending.span)[3]
+    return evaluate(solution.model, solution.unknowns, elapsed, values, solution.span)[3]
 
 
 def _parts(elapsed: np.ndarray, values: np.ndarray | None = None) -> Iterator:

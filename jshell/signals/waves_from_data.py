@@ -16,10 +16,10 @@ import numpy as np
 from jaxtyping import Float
 
 from jshell.signals.pencil import rates
-from jshell.signals.waves import OWN, SignalFit, SignalModel, look, search
+from jshell.signals.waves import OWN, SignalFit, SignalModel, evaluate, search
 
 FOLLOWED = 4  # starts that are followed to their end, beside a split peak
-HURRIED, KEPT = 12, 2  # steps after which so many are followed on
+HURRIED, MAX_FOLLOWED = 12, 2  # steps after which so many are followed on
 PEAKS = 3
 COARSE = 4096  # samples that a search needs at most; more are averaged in cells first
 FINE = 8  # samples that a period keeps in cells
@@ -45,15 +45,15 @@ def model_orders(
     Returns:
         A list for each number; the first holds at least one ending where the record oscillates, else all are empty.
     """
-    heard = rates(elapsed, values)
+    identified = rates(elapsed, values)
     found: list[list[SignalFit]] = []
     for modes in range(1, most + 1):
         model = SignalModel(modes, drift)
-        starts = _starts(model, heard, found, elapsed, values)
+        starts = _starts(model, identified, found, elapsed, values)
         if not starts:
             return [[]] * most
         found.append(followed(model, elapsed, values, starts))
-    return [sorted(endings, key=lambda one: (not sound(one, elapsed), one.power)) for endings in found]
+    return [sorted(solutions, key=lambda one: (not sound(one, elapsed), one.power)) for solutions in found]
 
 
 def followed(
@@ -61,16 +61,16 @@ def followed(
 ) -> list[SignalFit]:
     """Endings of the most promising starts, best first, each minimum once."""
     span = float(elapsed[-1])
-    costs = [look(model, start, elapsed, values, span)[0] for start in starts]
+    costs = [evaluate(model, start, elapsed, values, span)[0] for start in starts]
     order = np.argsort(costs)[:FOLLOWED]
-    endings = distinct([search(model, elapsed, values, starts[k], HURRIED) for k in order])[:KEPT]
-    return distinct([one if one.at_rest else search(model, elapsed, values, one.unknowns) for one in endings])
+    solutions = distinct([search(model, elapsed, values, starts[k], HURRIED) for k in order])[:MAX_FOLLOWED]
+    return distinct([one if one.at_rest else search(model, elapsed, values, one.unknowns) for one in solutions])
 
 
-def distinct(endings: Sequence[SignalFit]) -> list[SignalFit]:
+def distinct(solutions: Sequence[SignalFit]) -> list[SignalFit]:
     """Each minimum once, best first."""
     kept: list[SignalFit] = []
-    for one in sorted(endings, key=lambda one: one.power):
+    for one in sorted(solutions, key=lambda one: one.power):
         if all(np.max(np.abs(one.unknowns - other.unknowns)) > 1e-4 for other in kept):
             kept.append(one)
     return kept
@@ -113,7 +113,11 @@ def in_cells(elapsed: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def _starts(
-    model: SignalModel, heard: list[np.ndarray], found: list[list[SignalFit]], elapsed: np.ndarray, values: np.ndarray
+    model: SignalModel,
+    identified: list[np.ndarray],
+    found: list[list[SignalFit]],
+    elapsed: np.ndarray,
+    values: np.ndarray,
 ) -> list[np.ndarray]:
     """Unknowns to start from."""
     modes, span = model.modes, float(elapsed[-1])
@@ -136,14 +140,14 @@ def _starts(
                 for apart in (0.2, 0.5, 1.2):  # widths of the peak
                     reach = apart * max(decay, 0.5 / span)
                     add([turn - reach / 2, turn + reach / 2], decay / 1.3)
-    return [*starts_of(model, heard, span), *rows]
+    return [*starts_of(model, identified, span), *rows]
 
 
-def starts_of(model: SignalModel, heard: list[np.ndarray], span: float) -> list[np.ndarray]:
+def starts_of(model: SignalModel, identified: list[np.ndarray], span: float) -> list[np.ndarray]:
     """Unknowns from the strongest rates of every order of a pencil."""
     return [
         unknowns_of(model, [s.imag for s in chosen], -float(np.mean([s.real for s in chosen])), span)
-        for order in heard
+        for order in identified
         for chosen in combinations(order[: model.modes + 2], model.modes)
     ]
 

@@ -1,4 +1,4 @@
-"""Noise that remembers, in batches: tested, fitted and told apart from misfits as in single fits."""
+"""Autocorrelated noise, in batches: tested, fitted and told apart from misfits as in single fits."""
 
 import runpy
 from pathlib import Path

@@ -8,7 +8,7 @@ import pytest
 from jshell.calibration.batch_shape import Block, coupled, shape, uncoupled
 from jshell.calibration.frequency_model import weighted
 from jshell.calibration.frequency_table import prepare
-from jshell.calibration.resampling import Resamples, look
+from jshell.calibration.resampling import Resamples, evaluate
 from jshell.oscillator.linear import frequencies_of_square, squares
 
 V, P, KAPPA, K_A = np.array([2.4, 3.1]), np.array([0.3, 1.4]), 1.4, 1.0
@@ -68,7 +68,7 @@ def test_the_lanes_of_a_bootstrap_have_the_cost_of_the_table_and_its_slope(squar
     data = Resamples(rows, jnp.asarray(weight), jnp.full(2, 3.0), jnp.ones(2))
     u = jnp.asarray(np.stack([np.log(ALPHA1), np.log(ALPHA2), K**2]))
     with jax.numpy_rank_promotion("allow"):
-        found = look(u, data, squared)
+        found = evaluate(u, data, squared)
     kind = "V_e^2 omega^2" if squared else "V_e omega"
 
     def cost(one):

@@ -68,7 +68,7 @@ def test_a_file_that_was_saved_is_read(name):
 @pytest.mark.parametrize("name", cases.SAVED)
 def test_a_read_fit_minimises_what_the_fresh_one_did(name):
     """Ties, local constants, autocorrelated noise, uncertain conditions, robust weights: all of the problem is back."""
-    fresh, read = cases.fit(name).asked(), js.load(GOLDEN / "saved" / f"{name}.json").asked()
+    fresh, read = cases.fit(name).objective(), js.load(GOLDEN / "saved" / f"{name}.json").objective()
     assert read.names == fresh.names
     assert (read.count, read.linear, read.priors, read.loss) == (fresh.count, fresh.linear, fresh.priors, fresh.loss)
     # the weights of a robust loss settle to 1e-9 of the unknowns, and follow the residual

@@ -47,17 +47,17 @@ def test_bounded_minimum_equals_scipys_and_is_marked():
 
 def test_many_starts_reach_the_narrow_valley():
     starts = jnp.array([[-1.2, 1.0], [3.0, -2.0], [0.0, 5.0]])
-    ending = from_many_starts(_rosenbrock, None, starts, jnp.full(2, -jnp.inf), jnp.full(2, jnp.inf))
-    np.testing.assert_allclose(ending.unknowns, 1.0, atol=1e-8)
-    best, same = best_of(ending, 1.0)
+    solution = from_many_starts(_rosenbrock, None, starts, jnp.full(2, -jnp.inf), jnp.full(2, jnp.inf))
+    np.testing.assert_allclose(solution.unknowns, 1.0, atol=1e-8)
+    best, same = best_of(solution, 1.0)
     assert same.all()
     assert best == 0
 
 
 def test_running_out_of_steps_and_bad_numbers_are_outcomes():
     starts = jnp.array([[-1.2, 1.0], [jnp.nan, 0.0]])
-    ending = from_many_starts(_rosenbrock, None, starts, jnp.full(2, -jnp.inf), jnp.full(2, jnp.inf), max_steps=2)
-    assert list(np.asarray(ending.outcome)) == [Outcome.NOT_CONVERGED, Outcome.NOT_FINITE]
+    solution = from_many_starts(_rosenbrock, None, starts, jnp.full(2, -jnp.inf), jnp.full(2, jnp.inf), max_steps=2)
+    assert list(np.asarray(solution.outcome)) == [Outcome.NOT_CONVERGED, Outcome.NOT_FINITE]
 
 
 def test_errors_of_a_straight_line_are_the_textbooks():

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from jshell.calibration import Prior, fit_trajectories, long_records, prepare
-from jshell.calibration.joint import join, residual
 from jshell.calibration.least_squares import value_and_jacobian
 from jshell.calibration.linearization import linearized
 from jshell.calibration.long_records import condensed, look_at_all
 from jshell.calibration.parameters import unknowns
+from jshell.calibration.problem import join, residual
 from jshell.errors import Outcome
 from jshell.oscillator import random_shell, random_trace
 
@@ -36,21 +36,21 @@ def noisy(seed: int):
 @pytest.mark.long
 @pytest.mark.parametrize("loss", ["strict", "modal"])
 def test_blocks_give_the_residual_the_gradient_and_the_jacobian_of_all_rows(loss, short_blocks):
-    problem, c, tau = prepare(noisy(3), loss), random_shell(3).coefficients, random_shell(3).tau
+    model, c, tau = prepare(noisy(3), loss), random_shell(3).coefficients, random_shell(3).tau
     p = [c.alpha1, 1.02 * c.alpha2, c.k_vs, c.beta1] if loss == "strict" else [c.alpha1, c.alpha2, 1.1 * c.k_vs**2, tau]
-    p, joint = np.array(p, dtype=float), join(problem)
-    space = unknowns(problem.names, frozenset({"alpha1", "alpha2"}))
-    whole = linearized(p, joint, space)
-    _, r, J, plain = look_at_all(p, joint.alone(0))
+    p, problem = np.array(p, dtype=float), join(model)
+    parameters = unknowns(model.names, frozenset({"alpha1", "alpha2"}))
+    whole = linearized(p, problem, parameters)
+    _, r, J, plain = look_at_all(p, problem.alone(0))
     # both find the linear parameters to rounding times the basis's condition
     np.testing.assert_allclose(r, whole.residual, atol=1e-7)
     np.testing.assert_allclose(J, whole.jacobian[:, :4], atol=1e-9 * np.abs(whole.jacobian).max())
     for mine, theirs in zip(plain, whole.design, strict=True):
         np.testing.assert_allclose(mine, theirs, atol=1e-10 * np.abs(theirs).max())
 
-    u = jnp.asarray(space.seen(p[None])[0])
-    rows = np.asarray(eqx.filter_jit(condensed)(u, (space, joint)))
-    left, slopes = _plain(u, (space, joint))
+    u = jnp.asarray(parameters.seen(p[None])[0])
+    rows = np.asarray(eqx.filter_jit(condensed)(u, (parameters, problem)))
+    left, slopes = _plain(u, (parameters, problem))
     assert rows[:, -1] @ rows[:, -1] == pytest.approx(float(left @ left), rel=1e-10)
     gradient = np.asarray(slopes.T @ left)
     np.testing.assert_allclose(rows[:, :-1].T @ rows[:, -1], gradient, rtol=1e-6, atol=1e-9 * np.abs(gradient).max())
@@ -112,7 +112,7 @@ def test_records_of_odd_lengths_share_programs_whatever_is_asked_of_them(monkeyp
     seen, real = [], long_records.from_many_starts
 
     def spied(function, args, *rest, **given):
-        seen.append(args[1].problem.records[0].elapsed.size)
+        seen.append(args[1].model.records[0].elapsed.size)
         return real(function, args, *rest, **given)
 
     monkeypatch.setattr(long_records, "from_many_starts", spied)

@@ -101,7 +101,7 @@ def test_moving_along_the_free_direction_changes_no_frequency():
     found = fit_frequencies(_table(rows=slice(2, 3)))
     words = found.free_directions[0].split(" changes")[0].split(", ")
     change = {word.split()[0]: float(word.split()[1].rstrip("%")) / 100 for word in words}
-    objective = found.asked()  # the result says what is determined; where the search ended stands here
+    objective = found.objective()  # the result says what is determined; where the search ended stands here
     p = dict(zip(("alpha1", "alpha2", "k_vs"), objective.shown(objective.best), strict=True))
     V, P, step = VOLUMES[2], PRESSURES[2], 1e-3
 
@@ -237,9 +237,9 @@ def test_one_start_of_many_is_not_enough(monkeypatch):
 
     def one_alone(*given):
         """All but the first start end at k_VS = 0, in its minimum."""
-        ending = search(*given)
-        others = ending.outcome.at[1:].set(int(Outcome.AT_BOUND)), ending.cost.at[1:].set(1.0)
-        return eqx.tree_at(lambda e: (e.outcome, e.cost), ending, others)
+        solution = search(*given)
+        others = solution.outcome.at[1:].set(int(Outcome.AT_BOUND)), solution.cost.at[1:].set(1.0)
+        return eqx.tree_at(lambda e: (e.outcome, e.cost), solution, others)
 
     monkeypatch.setattr(module, "from_many_starts", one_alone)
     found = fit_frequencies(_table())

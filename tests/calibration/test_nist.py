@@ -106,7 +106,7 @@ def _solved(name):
     p = read(name)
     n, logarithmic = p.certified.size, name == LOGARITHMIC
     x, y = jnp.asarray(p.x), jnp.asarray(p.y)
-    ending = from_many_starts(
+    solution = from_many_starts(
         _residual,
         (p.model, x, y, logarithmic),
         jnp.asarray(np.log(p.starts) if logarithmic else p.starts),
@@ -115,9 +115,9 @@ def _solved(name):
         max_steps=1000,
         bend=True,
     )
-    found = np.exp(ending.unknowns) if logarithmic else np.asarray(ending.unknowns)
+    found = np.exp(solution.unknowns) if logarithmic else np.asarray(solution.unknowns)
     rows = []
-    for u, outcome in zip(found, np.asarray(ending.outcome), strict=True):
+    for u, outcome in zip(found, np.asarray(solution.outcome), strict=True):
         r, J = value_and_jacobian(lambda u: p.model(u, x) - y, jnp.asarray(u))
         errors = uncertainty(np.asarray(J), np.asarray(r), u, absolute=False).stderr
         rows.append((np.abs(u / p.certified - 1).max(), np.abs(errors / p.stderr - 1).max(), Outcome(int(outcome))))

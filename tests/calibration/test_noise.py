@@ -9,7 +9,7 @@ import pytest
 import jshell as js
 from jshell.calibration import FitWarning, fit_trajectories
 from jshell.calibration.misfit import DRIFTS, drift_share
-from jshell.calibration.noise import Noise, estimate_memory, examine, lag_one, remembered, runs, steps_between, whiten
+from jshell.calibration.noise import Noise, ar1_memory, estimate_memory, examine, lag_one, runs, steps_between, whiten
 from jshell.oscillator import random_shell, random_trace, simulate
 from jshell.trace import Trace
 
@@ -66,10 +66,10 @@ def test_whitening_gives_the_fresh_part_back_and_respects_gaps():
     e = autocorrelated(0.7, 0)
     np.testing.assert_allclose(whiten(e, 0.7)[1:], fresh[1:], atol=1e-12)
     used = np.arange(400) != 5
-    phi = remembered(0.7, steps_between(TIMES, used))
+    phi = ar1_memory(0.7, steps_between(TIMES, used))
     assert phi[5] == phi[6] == 0
     assert phi[7] == pytest.approx(0.7)
-    assert remembered(0.7, np.array([1.0, 2.0]))[1] == pytest.approx(0.49)
+    assert ar1_memory(0.7, np.array([1.0, 2.0]))[1] == pytest.approx(0.49)
 
 
 def test_a_leftover_motion_is_coherent_and_autocorrelated_noise_is_not():

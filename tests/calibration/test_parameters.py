@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from jshell.calibration import Prior, fit_conditions, fit_frequencies, fit_trajectories, prepare
-from jshell.calibration.joint import join
 from jshell.calibration.losses import bases, targets
 from jshell.calibration.parameters import Expression, unknowns
+from jshell.calibration.problem import join
 from jshell.errors import BadName, BadValue, Outcome
 from jshell.oscillator import Coefficients, add_noise, simulate
 from jshell.trace import Trace
@@ -47,9 +47,9 @@ def test_impossible_wishes_are_refused_in_words(given, match):
 
 
 def test_a_chain_of_ties_is_worked_out_in_order_and_differentiated():
-    space = unknowns(("a", "b", "c"), frozenset(), tie={"a": "2*b", "b": "c**2"})
-    np.testing.assert_allclose(space.natural(jnp.array([3.0])), [18.0, 9.0, 3.0])
-    np.testing.assert_allclose(space.slopes(np.array([18.0, 9.0, 3.0]))[:, 0], [12.0, 6.0, 1.0])
+    parameters = unknowns(("a", "b", "c"), frozenset(), tie={"a": "2*b", "b": "c**2"})
+    np.testing.assert_allclose(parameters.constrained(jnp.array([3.0])), [18.0, 9.0, 3.0])
+    np.testing.assert_allclose(parameters.slopes(np.array([18.0, 9.0, 3.0]))[:, 0], [12.0, 6.0, 1.0])
 
 
 @pytest.mark.slow
@@ -82,17 +82,17 @@ def test_tied_local_and_shared_constants_are_found_together(shell, trace, fit):
 
 def test_a_stiffer_wall_is_the_same_shell_in_other_units(trace):
     """Twice E d: pressures over it, viscosity over its root, the record's time in its own unit that much longer."""
-    joint = join(prepare(trace), uncertain={"youngs_modulus": 0.1, "gas_pressure": None}, equilibrium="trace")
-    assert joint.names == ("alpha1", "alpha2", "k_vs", "beta1", "youngs_modulus", "gas_pressure")
-    plain = joint.problem.records[0]
+    problem = join(prepare(trace), uncertain={"youngs_modulus": 0.1, "gas_pressure": None}, equilibrium="trace")
+    assert problem.names == ("alpha1", "alpha2", "k_vs", "beta1", "youngs_modulus", "gas_pressure")
+    plain = problem.model.records[0]
     P = plain.conditions.gas_pressure
-    moved = joint.pieces(np.array([9.0, 1.0, 0.1, 5.0, 2.0, 3.0 * P]))[0].problem.records[0]
+    moved = problem.terms(np.array([9.0, 1.0, 0.1, 5.0, 2.0, 3.0 * P]))[0].model.records[0]
     assert moved.conditions.gas_pressure == pytest.approx(1.5 * P)
     assert moved.conditions.outer_pressure == pytest.approx(plain.conditions.outer_pressure / 2)
     assert moved.conditions.viscosity == pytest.approx(plain.conditions.viscosity / np.sqrt(2))
     np.testing.assert_allclose(moved.elapsed, np.sqrt(2) * np.asarray(plain.elapsed), rtol=1e-14)
     assert moved.state.volume == plain.state.volume
-    np.testing.assert_allclose(joint.prior, [[1.0, 0.1]])
+    np.testing.assert_allclose(problem.prior, [[1.0, 0.1]])
 
 
 @pytest.mark.slow
@@ -155,8 +155,8 @@ def test_a_robust_loss_bears_outliers(shell, dirty):
 def test_a_robust_fit_is_lmfits_with_the_same_loss(kind, tuning, dirty):
     import lmfit
 
-    found, problem = fit_trajectories(dirty, robust=kind), prepare(dirty)
-    residual = jax.jit(lambda x: bases(x[:4], problem)[0] @ x[4:] - targets(problem)[0])
+    found, model = fit_trajectories(dirty, robust=kind), prepare(dirty)
+    residual = jax.jit(lambda x: bases(x[:4], model)[0] @ x[4:] - targets(model)[0])
     slopes = jax.jit(jax.jacfwd(residual))
     best = np.array([found[name].value for name in NAMES])
     linear = np.array([one.value for one in found.estimates if one.role == "nuisance"])
@@ -223,21 +223,21 @@ def test_samples_are_left_out_by_time_and_where_they_are_missing(shell, trace):
 def test_bounds_of_a_parameter_seen_by_its_square_are_its_own(bounds, square, sign):
     names = ("alpha1", "k_vs")
     given = None if bounds is None else {"k_vs": bounds}
-    space = unknowns(names, frozenset({"alpha1"}), bounds=given, squared=frozenset({"k_vs"}))
-    np.testing.assert_allclose((space.low[1], space.high[1]), square, rtol=1e-15)
-    np.testing.assert_allclose(space.reported(np.array([2.0, 0.09])), [2.0, sign * 0.3], rtol=1e-15)
-    np.testing.assert_allclose(space.shown(np.array([0.0, 0.09])), [1.0, sign * 0.3], rtol=1e-15)
-    np.testing.assert_allclose(space.stretch(np.array([2.0, sign * 0.3])), [1.0, sign * 0.6], rtol=1e-15)
+    parameters = unknowns(names, frozenset({"alpha1"}), bounds=given, squared=frozenset({"k_vs"}))
+    np.testing.assert_allclose((parameters.low[1], parameters.high[1]), square, rtol=1e-15)
+    np.testing.assert_allclose(parameters.reported(np.array([2.0, 0.09])), [2.0, sign * 0.3], rtol=1e-15)
+    np.testing.assert_allclose(parameters.shown(np.array([0.0, 0.09])), [1.0, sign * 0.3], rtol=1e-15)
+    np.testing.assert_allclose(parameters.stretch(np.array([2.0, sign * 0.3])), [1.0, sign * 0.6], rtol=1e-15)
 
 
 def test_ties_read_and_give_the_parameter_where_the_model_sees_its_square():
     names, squared = ("alpha1", "k_vs"), frozenset({"k_vs"})
     by_alpha = unknowns(names, frozenset(), tie={"k_vs": "-0.1*alpha1"}, squared=squared)
-    np.testing.assert_allclose(by_alpha.natural(jnp.array([3.0])), [3.0, 0.09], rtol=1e-15)
+    np.testing.assert_allclose(by_alpha.constrained(jnp.array([3.0])), [3.0, 0.09], rtol=1e-15)
     np.testing.assert_allclose(by_alpha.reported(np.array([3.0, 0.09])), [3.0, -0.3], rtol=1e-15)
     np.testing.assert_allclose(by_alpha.slopes(np.array([3.0, 0.09]))[:, 0], [1.0, 0.06], rtol=1e-14)
     by_k = unknowns(names, frozenset(), tie={"alpha1": "10*k_vs"}, squared=squared)
-    np.testing.assert_allclose(by_k.natural(jnp.array([0.09])), [3.0, 0.09], rtol=1e-15)
+    np.testing.assert_allclose(by_k.constrained(jnp.array([0.09])), [3.0, 0.09], rtol=1e-15)
 
 
 FREQUENCIES = {

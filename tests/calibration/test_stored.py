@@ -42,7 +42,7 @@ def test_a_result_comes_back_to_the_bit(result, tmp_path):
 @pytest.mark.long
 def test_a_read_result_walks_around_its_minimum_as_the_fresh_one(result, tmp_path):
     read = js.load(result.save(tmp_path / "fit.json"))
-    old, new = result.asked(), read.asked()
+    old, new = result.objective(), read.objective()
     assert new.names == old.names
     np.testing.assert_allclose(new.best, old.best, rtol=1e-14)
     assert (new.count, new.linear, new.freedom) == (old.count, old.linear, old.freedom)

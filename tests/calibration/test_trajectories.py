@@ -60,18 +60,18 @@ def test_both_solvers_find_the_same():
         assert adaptive[name].stderr == pytest.approx(exact[name].stderr, rel=1e-3)
 
 
-def full_residual(p, linear, problem):
+def full_residual(p, linear, model):
     """That of one trace of the strict loss, at any linear parameters."""
-    return bases(p, problem)[0] @ linear - targets(problem)[0]
+    return bases(p, model)[0] @ linear - targets(model)[0]
 
 
 @pytest.mark.long
 def test_numbers_equal_lmfits_on_the_same_residual():
     trace = random_trace(random_shell(0), 0)
-    found, problem = fit_trajectories(trace), prepare(trace)
-    evaluate = jax.jit(lambda p, c: full_residual(p, c, problem))
+    found, model = fit_trajectories(trace), prepare(trace)
+    evaluate = jax.jit(lambda p, c: full_residual(p, c, model))
     begin = np.array([found[name].start for name in CONSTANTS])
-    linear = best_linear(jnp.asarray(begin), problem)[0]
+    linear = best_linear(jnp.asarray(begin), model)[0]
     parameters = lmfit.Parameters()
     for name, value in zip((*CONSTANTS, *(f"c{i}" for i in range(6))), (*begin, *linear), strict=True):
         parameters.add(name, value)
@@ -80,7 +80,7 @@ def test_numbers_equal_lmfits_on_the_same_residual():
         x = np.array([p[name].value for name in p])
         return np.asarray(evaluate(jnp.asarray(x[:4]), jnp.asarray(x[4:])))
 
-    whole = jax.jit(jax.jacrev(lambda x: full_residual(x[:4], x[4:], problem)))
+    whole = jax.jit(jax.jacrev(lambda x: full_residual(x[:4], x[4:], model)))
     slopes = lambda p: np.array(whole(jnp.array([p[name].value for name in p])))  # noqa: E731
     other = lmfit.minimize(residual, parameters, Dfun=slopes, ftol=1e-14, xtol=1e-14, gtol=0)
     for name in CONSTANTS:
@@ -195,7 +195,7 @@ def test_gradients_agree_between_solvers_directions_and_differences():
     p = jnp.array([1.01 * c.alpha1, 0.99 * c.alpha2, c.k_vs + 0.005, c.beta1])
     exact, forward, reverse = prepare(trace), prepare(trace, solver="diffrax"), None
     reverse = prepare(trace, solver="diffrax", adjoint="reverse")
-    slope = lambda mode, problem: jax.jit(mode(lambda p: trace_loss(p, problem)))(p)  # noqa: E731
+    slope = lambda mode, model: jax.jit(mode(lambda p: trace_loss(p, model)))(p)  # noqa: E731
     ahead, back = slope(jax.jacfwd, exact), slope(jax.grad, exact)
     np.testing.assert_allclose(back, ahead, rtol=1e-10)
     adaptive = slope(jax.jacfwd, forward)
@@ -213,9 +213,9 @@ def test_gradient_is_that_of_the_matrix_exponential():
     # scipy's exponential and its Fréchet derivative, best linear parameters by orthogonal steps: at the best ones
     # the loss does not feel them (envelope theorem), so its slope is r · dΦ c
     trace = random_trace(random_shell(3), 3, samples=60, duration=20.0)
-    c, problem = random_shell(3).coefficients, prepare(trace)
+    c, model = random_shell(3).coefficients, prepare(trace)
     p = np.array([1.01 * c.alpha1, 0.99 * c.alpha2, c.k_vs + 0.005, c.beta1])
-    one, eta = problem.records[0], float(trace.conditions.viscosity)
+    one, eta = model.records[0], float(trace.conditions.viscosity)
     V, P = (float(x) for x in one.state)
 
     def matrix(p):
@@ -237,16 +237,16 @@ def test_gradient_is_that_of_the_matrix_exponential():
         left @ flat([scipy.linalg.expm_frechet(A * t, dA * t, compute_expm=False) for t in times]) @ best[:4]
         for dA in slopes
     ]
-    found = jax.jit(jax.grad(lambda p: trace_loss(p, problem)))(jnp.asarray(p))
+    found = jax.jit(jax.grad(lambda p: trace_loss(p, model)))(jnp.asarray(p))
     np.testing.assert_allclose(found, expected, rtol=1e-7)
 
 
 def test_projected_residual_is_that_of_the_best_linear_parameters():
     trace = random_trace(random_shell(3), 3, samples=200)
-    problem, c = prepare(trace), random_shell(3).coefficients
+    model, c = prepare(trace), random_shell(3).coefficients
     p = jnp.array([c.alpha1, 1.1 * c.alpha2, c.k_vs, c.beta1])
-    left = full_residual(p, best_linear(p, problem)[0], problem)
-    np.testing.assert_allclose(projected(p, problem), left, atol=1e-8)
+    left = full_residual(p, best_linear(p, model)[0], model)
+    np.testing.assert_allclose(projected(p, model), left, atol=1e-8)
 
 
 def test_strict_loss_refuses_other_channels():

@@ -69,7 +69,7 @@ def test_a_fit_that_did_not_come_to_rest_determines_nothing(trace, monkeypatch, 
     minimise = trajectories.minimise
     ended = lambda e: eqx.tree_at(lambda e: e.outcome, e, 0 * e.outcome + int(outcome))  # noqa: E731
     monkeypatch.setattr(trajectories, "minimise", lambda *given: ended(minimise(*given)))
-    monkeypatch.setattr(diagnostics, "best_of", lambda ending, size: (0, np.array([True] * len(ending.cost))))
+    monkeypatch.setattr(diagnostics, "best_of", lambda solution, size: (0, np.array([True] * len(solution.cost))))
     found = fit_trajectories(trace, loss, fix={"alpha2": 1.0} if loss == "modal" else None, starts=0)
     assert found.outcome == outcome
     fixed = {one.name for one in found.estimates if one.role == "fixed"}
@@ -88,8 +88,8 @@ def test_what_is_undetermined_comes_back_from_a_file_with_the_place_where_the_se
     found = fit_trajectories(trace, channels=("V",), starts=0)
     read = js.load(found.save(tmp_path / "fit.json"))
     assert read == found
-    np.testing.assert_allclose(read.asked().values, found.asked().values)
-    assert np.all(np.isfinite(read.asked().values))
+    np.testing.assert_allclose(read.objective().values, found.objective().values)
+    assert np.all(np.isfinite(read.objective().values))
 
 
 @pytest.mark.long

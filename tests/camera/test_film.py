@@ -165,10 +165,10 @@ def test_a_section_gives_volume_area_and_poles(film, tmp_path):
     assert dict(found.trace.settings)["channel_units"].endswith("volume: px3; area: px2; upper: px; lower: px")
     xarray = pytest.importorskip("xarray", reason="no xarray: pip install jshell[io]")
     write_outlines(tmp_path / "outlines.nc", found)
-    with xarray.open_dataset(tmp_path / "outlines.nc", engine="h5netcdf", decode_times=False) as stored:
+    with xarray.open_dataset(tmp_path / "outlines.nc", engine="h5netcdf", decode_times=False) as serialized:
         points = found.outlines[4].points
-        np.testing.assert_array_equal(stored["x"][4, : len(points)], points[:, 0])
-        np.testing.assert_allclose(stored["t"], found.trace.times)
+        np.testing.assert_array_equal(serialized["x"][4, : len(points)], points[:, 0])
+        np.testing.assert_allclose(serialized["t"], found.trace.times)
 
 
 @pytest.mark.long

@@ -28,12 +28,12 @@ def _frames(white, seed=0):
 def photron(path, bits=16, depth=12, side="Lower", xml=False, **fields):
     """A header and its pixels."""
     frames = _frames(2**depth - 1)
-    stored = frames << (bits - depth) if side == "Higher" else frames
+    serialized = frames << (bits - depth) if side == "Higher" else frames
     if bits == 12:
-        a, b = stored.reshape(-1, 2).T
+        a, b = serialized.reshape(-1, 2).T
         raw = np.stack([a >> 4, ((a & 15) << 4) | (b >> 8), b & 255], axis=1).astype(np.uint8).tobytes()
     else:
-        raw = stored.astype("<u2" if bits == 16 else "u1").tobytes()
+        raw = serialized.astype("<u2" if bits == 16 else "u1").tobytes()
     path.with_suffix(".mraw").write_bytes(raw)
     if xml:
         header = (

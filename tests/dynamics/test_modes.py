@@ -58,8 +58,8 @@ def test_undamped_modes_of_the_reference_shell(undamped_R, cases):
 
 def test_undamped_modes_are_those_of_a_dense_eigenvalue_solver(undamped_R, parts):
     K, M, _, t = parts
-    push = M @ t
-    held = K + 1e4 / (t @ push) * np.outer(push, push)
+    pushforward = M @ t
+    held = K + 1e4 / (t @ pushforward) * np.outer(pushforward, pushforward)
     values = eigh(M, held, eigvals_only=True)[::-1]
     # both by Cholesky: rounding times the condition of K
     np.testing.assert_allclose(undamped_R.omega, values[:4] ** -0.5, rtol=1e-9)
@@ -123,8 +123,8 @@ def test_modes_with_a_lossy_wall_are_those_of_a_dense_solver(retardation, R, und
     free = np.asarray(rest.meridian.active)
     elastic = wall(rest.meridian, R, rest.profile)
     C = np.asarray(wall_resistance(rest.meridian, rest.coordinates, elastic, loss))[np.ix_(free, free)]
-    push = M @ t
-    held = K + 1e4 / (t @ push) * np.outer(push, push)
+    pushforward = M @ t
+    held = K + 1e4 / (t @ pushforward) * np.outer(pushforward, pushforward)
     # unknowns v and s v, in powers of 1/s: no mass needs to be inverted
     nothing, one = np.zeros_like(K), np.eye(len(K))
     inverse = np.linalg.solve(held, np.hstack([C, M]))
@@ -215,9 +215,9 @@ def test_returned_modes_solve_the_half_order_problem(layered_R, parts):
 
 def held_roots(K, M, G, t, eta=ETA):
     """First three roots with the axial impulse t·M v held at zero by a stiffness from outside."""
-    push = M @ t
+    pushforward = M @ t
     # far above the modes, and far from where the sum would lose K's digits
-    held = K + 1e6 / (t @ push) * np.outer(push, push)
+    held = K + 1e6 / (t @ pushforward) * np.outer(pushforward, pushforward)
     values, vectors = eigh(M, held)
     starts = zip(1j * values[::-1][:3] ** -0.5, vectors.T[::-1][:3], strict=True)
     return [layered_root(held, M, G, s, v, eta) for s, v in starts]

@@ -50,9 +50,9 @@ def test_far_pressure_is_the_slope_of_the_volumes_rate():
 def test_far_pressure_of_a_bubble_is_the_known_one():
     """Far from a sphere of radius R(t) the pressure is ρ (R² R̈ + 2 R Ṙ²)/r: Lamb, art. 56."""
     t = np.linspace(0.0, 5.0, 201)
-    R, speed, push = 1 + 0.1 * np.sin(2 * t), 0.2 * np.cos(2 * t), -0.4 * np.sin(2 * t)
+    R, speed, pushforward = 1 + 0.1 * np.sin(2 * t), 0.2 * np.cos(2 * t), -0.4 * np.sin(2 * t)
     found = far_pressure(Trace(t, {"V_rate": 4 * np.pi * R**2 * speed}), 50.0)
-    np.testing.assert_allclose(found, (R**2 * push + 2 * R * speed**2) / 50, atol=1e-7)
+    np.testing.assert_allclose(found, (R**2 * pushforward + 2 * R * speed**2) / 50, atol=1e-7)
 
 
 def test_far_pressure_refuses_what_it_cannot_read():

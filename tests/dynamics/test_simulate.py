@@ -39,8 +39,8 @@ BOOKS = ("loss_layer", "lent_layer", "loss_bulk", "loss_wall", "loss_drag")
 
 def total_energy(trace):
     """Kinetic, elastic and gas energy, what was lost or stored, less the work of the outer pressure."""
-    stored = trace["kinetic"] + trace["elastic"] + trace["gas"] - trace["work"]
-    return np.asarray(stored + sum(trace[name] for name in BOOKS))
+    serialized = trace["kinetic"] + trace["elastic"] + trace["gas"] - trace["work"]
+    return np.asarray(serialized + sum(trace[name] for name in BOOKS))
 
 
 # ---- small motions about R

@@ -46,8 +46,8 @@ def test_the_laws_energy_is_that_of_the_short_model_on_its_line(law):
     S = 4 * np.pi + slope * (V - REST.volume)
     exact = np.array(potential_energy((V, S), REST, CONSTANTS, R))
     work = CubicSpline(row.volume, law.rest_pressure - row.pressure).antiderivative()
-    stored = (work(row.volume) - work(law.rest_volume)) / e
-    np.testing.assert_allclose(stored, exact, rtol=1e-3, atol=1e-9)
+    serialized = (work(row.volume) - work(law.rest_volume)) / e
+    np.testing.assert_allclose(serialized, exact, rtol=1e-3, atol=1e-9)
     if law.along == "mode":
         moving = np.array(kinetic_energy((V, S), (jnp.ones_like(V), slope * jnp.ones_like(V)), CONSTANTS))
         own = row.mass / 2 * (SCALES.length**3 / SCALES.time) ** 2 / e

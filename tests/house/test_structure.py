@@ -1,6 +1,7 @@
 """One name, one thing; and functions that ask for no more than one can hold in mind."""
 
 import ast
+import tokenize
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
@@ -49,3 +50,29 @@ def test_fewer_than_eight_functions_ask_for_more_than_eight_things():
                 found[f"{path}:{node.name}"] = takes_fit_options(node)
     assert found["calibration/trajectories.py:fit_trajectories"]
     assert len([place for place, aside in found.items() if not aside]) < 8, found
+
+
+# what the field has words for: Problem, Term, SolverResult, Evaluation, barrier, …
+FORMER = {
+    "Asked", "Specification", "Solved", "Ending", "Joint", "Piece", "Remembering", "Found", "Raw", "Ready",
+    "left_over", "sorted_out", "gathered", "hear", "spool", "bell", "rung", "reclaim", "give_back", "Handed",
+    "bring_home", "ROOM", "HELD", "KEPT", "CARE", "ABREAST", "SPOOL", "lent", "grip", "Climb", "Rung",
+    "thrust", "launch", "Swing", "Still", "Together", "natural", "Look",
+}  # fmt: skip
+ORDINARY = {
+    "look", "stage", "go", "pulsation", "pulsations", "heard", "turning", "ending", "space", "told", "raw",
+    "ready", "push", "pull",
+}  # fmt: skip
+ROOMS = {"calibration", "signals", "inversion"}  # where ordinary words as well had meanings of their own
+
+
+def test_things_have_the_names_that_the_field_gives_them():
+    found = []
+    for path in sorted(ROOT.rglob("*.py")):
+        room, former = path.relative_to(ROOT).parts[0], FORMER
+        if room in ROOMS:
+            former = FORMER | ORDINARY
+        with path.open("rb") as file:
+            words = {one.string for one in tokenize.tokenize(file.readline) if one.type == tokenize.NAME}
+        found += [f"{path.relative_to(ROOT)}: {word}" for word in sorted(words & former)]
+    assert found == []

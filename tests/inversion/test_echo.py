@@ -14,7 +14,7 @@ AGENT = scales(Shell(RADIUS, THICKNESS, MODULUS), WATER)
 KNOWN = {"radius": RADIUS, "thickness": THICKNESS, "density": WATER.density}
 
 
-def heard(make_recording, tmp_path, *, gain=17.0, zero=2.0, **options):
+def identified(make_recording, tmp_path, *, gain=17.0, zero=2.0, **options):
     """A file of a hydrophone: its distance, calibration and zero are nobody's business."""
     trace = make_recording(pad=0.0, channels=(ECHO,), viscosity=0.012, **options)
     times, values = np.asarray(trace.times) * AGENT.time, np.asarray(trace[ECHO]) * AGENT.pressure
@@ -33,7 +33,7 @@ def known(gas=1.0, outer=1.7):
 @pytest.mark.usefixtures("no_compilation")
 def test_modulus_and_viscosity_come_out_of_an_echo_of_any_loudness(make_recording, tmp_path):
     ask = {"unknown": ("youngs_modulus", "viscosity"), "exact": False, "nuisance": False}
-    loud, soft = (js.invert(heard(make_recording, tmp_path, gain=g), known(), **ask) for g in (17.0, 1e-4))
+    loud, soft = (js.invert(identified(make_recording, tmp_path, gain=g), known(), **ask) for g in (17.0, 1e-4))
     truth = {"youngs_modulus": MODULUS, "viscosity": 0.012 * AGENT.pressure * AGENT.time}
     for found in (loud, soft):
         assert found.outcome == Outcome.OK, found.report()

@@ -11,7 +11,7 @@ from jshell.errors import BadName, BadValue, Outcome, UnusableData
 from jshell.inversion import fit
 from jshell.inversion.model import Model
 from jshell.inversion.search import SearchResult
-from jshell.inversion.unknowns import Space
+from jshell.inversion.unknowns import ParameterSet
 
 TRUTH = {"youngs_modulus": 0.5e6, "gas_pressure": 0.5e6 * 0.15}
 
@@ -143,28 +143,28 @@ def test_behind_noise_that_remembers_another_minimum_is_looked_for(make_recordin
     """The first start ends where what is left passes for noise; the shell is found by the second."""
     trace, real = make_recording(memory=0.9), fit.minimise
     found = invert(trace, tuple(TRUTH))
-    assert found.ending is not None
+    assert found.solution is not None
     assert found.noise[0].memory > 0.5
-    dear = replace(found.ending, u=found.ending.u + 0.3, cost=found.ending.cost + 100.0)
+    dear = replace(found.solution, u=found.solution.u + 0.3, cost=found.solution.cost + 100.0)
 
     def minimise(model, u, weighings, **options):
         return dear if np.allclose(u, dear.u) else real(model, u, weighings, **options)
 
     monkeypatch.setattr(fit, "minimise", minimise)
-    monkeypatch.setattr(fit, "starts", lambda *_: (np.array([dear.u, found.ending.u]), 1))
+    monkeypatch.setattr(fit, "starts", lambda *_: (np.array([dear.u, found.solution.u]), 1))
     again = invert(trace, tuple(TRUTH))
     for name in TRUTH:
         assert again[name].value == pytest.approx(found[name].value, rel=1e-3)
 
 
 def test_an_end_that_is_sought_on_may_cost_more_on_its_new_nodes(monkeypatch):
-    model = Model((), Space((), np.empty(0), np.empty(0), (), True, ()))
+    model = Model((), ParameterSet((), np.empty(0), np.empty(0), (), True, ()))
     before = SearchResult(np.zeros(1), [], [], 752.072, Outcome.NOT_CONVERGED)
     for cost, taken in ((752.091, True), (753.0, True), (900.0, False)):
         after = SearchResult(np.zeros(1), [], [], cost, Outcome.OK)
         monkeypatch.setattr(fit, "minimise", lambda *_, after=after, **__: after)
-        endings = fit._brought_to_rest(model, [before], [])
-        assert (endings[0].outcome == Outcome.OK) == taken
+        solutions = fit._brought_to_rest(model, [before], [])
+        assert (solutions[0].outcome == Outcome.OK) == taken
 
 
 @pytest.mark.long

@@ -17,7 +17,7 @@ from jshell.inversion import motion
 from jshell.inversion.response import FIELDS
 from jshell.inversion.snap import SnapModel, protocol
 from jshell.inversion.through import SPOT, Question, _kept, _whole
-from jshell.inversion.unknowns import space
+from jshell.inversion.unknowns import parameters
 from jshell.shell import Liquid, Reduced, Shell, scales
 from tests.inversion.snapping import snapping, use
 
@@ -72,7 +72,7 @@ def test_slopes_are_central_differences_in_all_numbers():
     question = Question([trace], [{}], dict.fromkeys(names), (), None, (None, None), None, False, True)
     one, _ = _whole(trace, 1, question)
     snap = js.inversion.Snap(elements=16)
-    whole = space([one.known], dict.fromkeys(names), (), True)
+    whole = parameters([one.known], dict.fromkeys(names), (), True)
     ways = (protocol(one, snap, True),)
     model = SnapModel((one,), whole, 16, snap=snap, protocols=ways, kept=_kept((one,), whole, ways, snap))
     values = {**one.known, "weak_spot": SPOT_DEPTH, "retardation": 0.01 * UNIT.time}

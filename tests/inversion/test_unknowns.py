@@ -6,7 +6,7 @@ import pytest
 from jshell.calibration import Prior
 from jshell.errors import BadName, BadValue
 from jshell.inversion import Unknown
-from jshell.inversion.unknowns import SI, Seen, space
+from jshell.inversion.unknowns import SI, Seen, parameters
 from jshell.shell import Gas, Liquid, Load, Reduced, Shell, scales
 
 VALUES = {
@@ -42,7 +42,7 @@ def test_slopes_are_central_differences(name):
 
 def test_a_local_unknown_belongs_to_its_recording():
     known = {n: v for n, v in VALUES.items() if n not in ("outer_pressure", "youngs_modulus")}
-    whole = space([known, known], ("youngs_modulus", "outer_pressure"), ("outer_pressure",), True)
+    whole = parameters([known, known], ("youngs_modulus", "outer_pressure"), ("outer_pressure",), True)
     assert whole.names == ("youngs_modulus", "outer_pressure[1]", "outer_pressure[2]")
     numbers, mine = whole.of(1, np.array([1e6, 1e5, 2e5]))
     assert mine == [0, 2]
@@ -51,7 +51,7 @@ def test_a_local_unknown_belongs_to_its_recording():
 
 def test_what_the_solver_sees_leads_back():
     known = {n: v for n, v in VALUES.items() if n not in ("pad", "thickness")}
-    whole = space([known], {"pad": Unknown(0.2, 0.5), "thickness": Prior(5e-3, 1e-4)}, (), True)
+    whole = parameters([known], {"pad": Unknown(0.2, 0.5), "thickness": Prior(5e-3, 1e-4)}, (), True)
     values = np.array([0.3, 4.9e-3])
     np.testing.assert_allclose(whole.to_values(whole.to_u(values)), values, rtol=1e-14)
     assert (whole.low[0], whole.high[0]) == (0.2, 0.5)
@@ -64,13 +64,13 @@ def test_what_the_solver_sees_leads_back():
 )  # fmt: skip
 def test_wrong_questions_are_refused(unknown, error):
     with pytest.raises(error):
-        space([VALUES], unknown, (), True)
+        parameters([VALUES], unknown, (), True)
 
 
 def test_a_number_that_is_neither_known_nor_asked_is_named():
     known = {n: v for n, v in VALUES.items() if n not in ("radius", "youngs_modulus")}
     with pytest.raises(BadValue, match="radius"):
-        space([known], ("youngs_modulus",), (), True)
+        parameters([known], ("youngs_modulus",), (), True)
 
 
 @pytest.mark.parametrize(
@@ -89,8 +89,8 @@ def test_what_no_shell_can_have_is_refused(known, words):
         "radius": 0.02, "thickness": 0.003, "gas_pressure": 1e5, "outer_pressure": 1.5e5, "density": 1e3,
         "viscosity": 1.0,
     }  # fmt: skip
-    space([numbers], ("youngs_modulus",), (), True)
+    parameters([numbers], ("youngs_modulus",), (), True)
     with pytest.raises(BadValue, match=words):
-        space([numbers | known], ("youngs_modulus",), (), True)
+        parameters([numbers | known], ("youngs_modulus",), (), True)
     with pytest.raises(BadName, match=r"Write youngs_modulus\.$"):
-        space([numbers], ("E",), (), True)
+        parameters([numbers], ("E",), (), True)

@@ -50,21 +50,21 @@ def _read(name, **said):
 @pytest.mark.parametrize("name", FILES)
 def test_the_file_of_an_instrument_is_read_in_seconds_and_its_guesses_are_told(name):
     channel, factor, offset, unit, words = FILES[name]
-    found, told = _read(name)
+    found, known = _read(name)
     np.testing.assert_allclose(found.times, TIMES, atol=1e-9)
     np.testing.assert_allclose(found[channel], factor * X + offset, atol=6e-3 * abs(factor))  # Rigol keeps two digits
     assert found.scales == SECONDS
     units = dict(found.settings).get("channel_units", "")
     assert (f"{channel}: {unit}" in units) if unit else (f"{channel}:" not in units)
-    assert (words in told) if words else told == ""
+    assert (words in known) if words else known == ""
 
 
 def test_a_cell_out_of_range_is_refused_and_its_remedy_works():
     with pytest.raises(BadValue, match=r"row 7, column `Channel A`: found ∞; .*`--missing drop`"):
         _read("picoscope.csv")
-    found, told = _read("picoscope.csv", missing="drop")
+    found, known = _read("picoscope.csv", missing="drop")
     assert found.times.size == 39
-    assert "1 of 40 rows have gaps and are left out" in told
+    assert "1 of 40 rows have gaps and are left out" in known
     np.testing.assert_allclose(found["Channel A"], 1e3 * np.delete(X, 3), atol=0.02)
 
 
@@ -74,19 +74,19 @@ def test_a_cell_out_of_range_is_refused_and_its_remedy_works():
 def test_frames_need_the_rate_of_the_camera(name, frames, channel):
     with pytest.raises(BadName, match=f"--rate 1000 --time-from {frames}"):
         _read(name)
-    found, told = _read(name, rate=1000, time_from=frames)
+    found, known = _read(name, rate=1000, time_from=frames)
     np.testing.assert_allclose(found.times, TIMES, atol=1e-12)
     factor, offset = (1, 0) if channel == "Height" else (9, 120)
     np.testing.assert_allclose(found[channel], factor * Y + offset, atol=1e-3)
-    assert f"times from the frames of column `{frames}` at 1000 a second" in told
+    assert f"times from the frames of column `{frames}` at 1000 a second" in known
 
 
 def test_tables_of_blanks_and_comments_keep_their_units():
-    found, told = _read("blanks.dat")
+    found, known = _read("blanks.dat")
     np.testing.assert_allclose(found.times, TIMES, atol=1e-9)
     np.testing.assert_allclose(found["V"], 1e-9 * Y, atol=1e-14)
     assert found.settings == (("rate", "1000"),)
-    assert told == ""
+    assert known == ""
     assert _read("tracker.txt")[0].times[1] == 1e-3
 
 

@@ -120,10 +120,10 @@ def test_gas_energy_feels_the_exponent_at_the_isothermal_point_too():
     # ∂²U/∂V∂κ = -∂P/∂κ = P ln(V/V0), from P = P0 (V0/V)^κ
     V = 3.0
 
-    def pull(kappa):
+    def pullback(kappa):
         return jax.grad(lambda v: gas_energy(v, Reduced(0.22, 0.9, 1.6, 0.0, kappa)))(jnp.asarray(V))
 
     sphere = 4 * np.pi / 3
     for kappa in (1.0, 1.00005, 1.4):
         wanted = 0.9 * (sphere / V) ** kappa * np.log(V / sphere)
-        assert float(jax.grad(pull)(kappa)) == pytest.approx(wanted, rel=1e-6)  # series to third order below 1e-4
+        assert float(jax.grad(pullback)(kappa)) == pytest.approx(wanted, rel=1e-6)  # series to third order below 1e-4

@@ -55,10 +55,10 @@ def test_other_energies_give_their_own_shapes_and_modes(area, V, S, P, omega, R,
 
     shape, q = found.meridian, found.coordinates
     M, _ = liquid(shape, q)
-    push = M @ shape.shift
+    pushforward = M @ shape.shift
     K = solid(shape, q, wall(shape, R, found.profile), R, area)
     # the translation is given a frequency of 100, above all that are read
-    held = K + 1e4 / (shape.shift @ push) * jnp.outer(push, push)
+    held = K + 1e4 / (shape.shift @ pushforward) * jnp.outer(pushforward, pushforward)
     values = eigh(M, held, eigvals_only=True)
     # half a unit of the fourth printed digit, 4e-4
     np.testing.assert_allclose(values[::-1][:4] ** -0.5, omega, rtol=5e-4)

@@ -19,7 +19,7 @@ from jshell.shell import Reduced, presets
 from jshell.signals import extract
 from jshell.trace import Trace
 
-LISTENED = ("V", "H", "W")  # everywhere: one compiled program
+EXTRACTED = ("V", "H", "W")  # everywhere: one compiled program
 FAMILIES = ("thickness", "viscosity", "excess", "shape")
 COUNT = 10  # as in the tests of the calibration, whose compiled fits then serve
 
@@ -165,9 +165,9 @@ def test_spheres_that_obey_the_law_have_prefactor_one():
 
 def test_records_of_three_pressures_and_their_fits(material):
     traces = [ring(P0, (1.0, 1.7), V) for P0, V in ((0.6, 2.4), (0.9, 2.9), (1.5, 3.3))]
-    together = extract(traces[1], LISTENED)
-    heard = {"V": together, "S": together}
-    figure = records.relaxation(traces, traces[1], heard, (18.0, 19.0, 21.0))
+    together = extract(traces[1], EXTRACTED)
+    extracted = {"V": together, "S": together}
+    figure = records.relaxation(traces, traces[1], extracted, (18.0, 19.0, 21.0))
     left = figure.axes[0]
     drawn = [line for line in left.get_lines() if str(line.get_label()).startswith("P̂₀")]
     for line, trace in zip(drawn, traces, strict=True):
@@ -195,7 +195,7 @@ def test_kicks_stand_over_their_height_and_areas_over_the_thickness(campaign, ma
 
 def test_attached_beside_free_with_the_sources_ratios():
     free, held = ring(0.9, (1.0, 1.7), 2.9), ring(0.9, (0.4, 1.6), 2.9)
-    both = [(trace, extract(trace, LISTENED)) for trace in (free, held)]
+    both = [(trace, extract(trace, EXTRACTED)) for trace in (free, held)]
     assert both[0][1].outcome == Outcome.OK
     said = words(records.attached(*both))
     for value in (0.52, 0.21, 0.22, 1.3, 0.006, 0.4):
@@ -204,7 +204,7 @@ def test_attached_beside_free_with_the_sources_ratios():
 
 def test_the_laboratorys_figure_tells_hertz(material, rest_R):
     trace = ring(0.9, (0.4, 1.6), 2.9)
-    said = words(setup(rest_R, trace, extract(trace, LISTENED), presets.R_MACRO.unit))
+    said = words(setup(rest_R, trace, extract(trace, EXTRACTED), presets.R_MACRO.unit))
     assert "experiment: 30" in said
     assert "experiment: 90" in said
 

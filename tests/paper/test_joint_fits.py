@@ -17,7 +17,7 @@ COUNT = 10
 
 
 def table() -> dict[str, np.ndarray]:
-    """Ten shells that obey eq:defw exactly: heard with `TRUE`, modes 10 % higher, mode 4 moving the volume."""
+    """Ten shells that obey eq:defw exactly: extracted with `TRUE`, modes 10 % higher, mode 4 moving the volume."""
     V, P0 = np.linspace(2.5, 3.4, COUNT), np.linspace(0.2, 2.5, COUNT)
     P = P0 * (4 * np.pi / 3 / V) ** 1.4
     w = np.array([np.sqrt(squared_frequencies(v, p, 3.0, 0.8, 0.3)) for v, p in zip(V, P, strict=True)])
@@ -60,9 +60,9 @@ def test_constants_are_found_from_what_was_heard(readings, weighting):
 @pytest.mark.long
 def test_a_common_factor_of_the_frequencies_divides_the_masses_by_its_square(readings):
     """What a box that raises every frequency does to the constants: k_VS stays."""
-    heard, modes = (readings[key].fits["V_e omega"] for key in ("modes of heard", "undamped range"))
+    extracted, modes = (readings[key].fits["V_e omega"] for key in ("modes of heard", "undamped range"))
     for name in ("alpha1", "alpha2"):
-        assert heard[name].value == pytest.approx(float(getattr(TRUE, name)) / 1.1**2, rel=1e-6)
+        assert extracted[name].value == pytest.approx(float(getattr(TRUE, name)) / 1.1**2, rel=1e-6)
         assert modes[name].value == pytest.approx(float(getattr(TRUE, name)) / 1.2**2, rel=1e-6)
     assert modes["k_vs"].value == pytest.approx(0.3, rel=1e-6)
 
@@ -80,14 +80,14 @@ def test_runs_that_did_not_end_well_at_their_rest_shape_are_not_heard():
     columns["omega_minus"] = np.where(np.arange(COUNT) == 2, np.nan, columns["omega_minus"])
     columns["eta_hat"] = np.where(np.arange(COUNT) == 3, 0.13, columns["eta_hat"])
     runs = read_runs(columns)
-    assert not np.isfinite(runs.heard[:3]).all(axis=1).any()
+    assert not np.isfinite(runs.extracted[:3]).all(axis=1).any()
     reading = next(one for one in calibrate(runs) if one.key == "heard")
     assert reading.names == ("run4", "run5", "run6")
 
 
 def test_heard_frequencies_are_told_apart_by_the_modes():
     columns = table()
-    # the pair heard is modes 2 and 4; of three, the second and third are modes 1 and 2
+    # the pair extracted is modes 2 and 4; of three, the second and third are modes 1 and 2
     low, high = columns["omega_minus"], columns["omega_plus"]
     columns |= {"three_omega_1": 0.5 * low, "three_omega_2": low, "three_omega_3": high}
     columns |= {"omega_minus": high, "omega_plus": 3 * high}
@@ -101,9 +101,9 @@ def test_heard_frequencies_are_told_apart_by_the_modes():
 def test_families_and_deviations(runs):
     assert runs.within("both").sum() == 4
     assert runs.within("pressure").all()
-    np.testing.assert_allclose(deviations(runs, TRUE, runs.heard), 0.0, atol=1e-9)
+    np.testing.assert_allclose(deviations(runs, TRUE, runs.extracted), 0.0, atol=1e-9)
     np.testing.assert_allclose(deviations(runs, TRUE, runs.layered[:, :2]), 0.1, atol=1e-9)
-    unstable = deviations(runs, Coefficients(3.0, 0.8, 3.0), runs.heard)
+    unstable = deviations(runs, Coefficients(3.0, 0.8, 3.0), runs.extracted)
     assert np.isnan(unstable[:, 0]).all()
 
 

@@ -34,7 +34,7 @@ def noisy(values, seed, level=NOISE):
     return values + level * np.random.default_rng(seed).standard_normal(values.size)
 
 
-def heard(values, seed=0, times=TIMES, level=NOISE, **given) -> Signature:
+def identified(values, seed=0, times=TIMES, level=NOISE, **given) -> Signature:
     return extract(Trace(times, {"V": 3 + noisy(values, seed, level)}), start=0.0, **given)
 
 
@@ -60,11 +60,11 @@ DRIFTS = {
 @pytest.mark.parametrize("seed", [0, also(1)])
 def test_a_drift_is_flagged_and_right_once_it_is_allowed_for(kind, seed):
     drift, name = DRIFTS[kind]
-    flagged = heard(ring(TIMES) + drift, seed)
+    flagged = identified(ring(TIMES) + drift, seed)
     assert not flagged.sound
     assert flagged.verdict == "misfit"
     assert f'drift="{name}"' in " ".join(flagged.warnings)
-    found = heard(ring(TIMES) + drift, seed, drift="auto")
+    found = identified(ring(TIMES) + drift, seed, drift="auto")
     assert (found.drift, found.verdict, found.sound) == (name, "two", True)
     assert right(found)
 
@@ -79,13 +79,13 @@ def test_a_record_about_zero_needs_no_offset():
 
 
 def test_without_a_drift_none_is_found():
-    found = heard(ring(TIMES), 3, drift="auto")
+    found = identified(ring(TIMES), 3, drift="auto")
     assert (found.drift, found.sound) == ("constant", True)
 
 
 @pytest.mark.parametrize(("tau", "fast_tau"), [(20.0, 4.0), (12.0, 10.0), also(6.0, 9.0)])
 def test_decays_of_their_own_are_named(tau, fast_tau):
-    found = heard(ring(TIMES, tau, fast_tau=fast_tau))
+    found = identified(ring(TIMES, tau, fast_tau=fast_tau))
     assert found.verdict == "misfit"
     assert "decays of their own" in found.warnings[0]
     assert f"τ = {tau:.3g}"[:5] in found.warnings[0]
@@ -96,7 +96,7 @@ def test_decays_of_their_own_are_named(tau, fast_tau):
 )
 def test_a_second_kick_is_named_with_its_time(at, size):
     again = np.where(at <= TIMES, ring(TIMES - at, slow=-0.8 * size, fast=0.7 * size), 0.0)
-    found = heard(ring(TIMES) + again)
+    found = identified(ring(TIMES) + again)
     assert found.verdict == "misfit"
     told = found.warnings[0].partition("second kick at t = ")[2]
     assert float(told.split(" ")[0]) == pytest.approx(at, abs=0.2)  # two samples
@@ -110,7 +110,7 @@ def test_more_modes_than_two_are_flagged(count):
     random = np.random.default_rng(count)
     turns, phases = 0.9 * 1.25 ** np.arange(count), random.uniform(0, 6, count)
     sizes = random.uniform(0.3, 1.0, (count, 1))
-    found = heard(np.exp(-TIMES / TAU) * np.sum(sizes * np.cos(np.outer(turns, TIMES) + phases[:, None]), axis=0))
+    found = identified(np.exp(-TIMES / TAU) * np.sum(sizes * np.cos(np.outer(turns, TIMES) + phases[:, None]), axis=0))
     assert not found.sound
     assert found.verdict in (("more than two",) if count == 3 else ("more than two", "misfit"))
 
@@ -119,7 +119,7 @@ def test_more_modes_than_two_are_flagged(count):
 @pytest.mark.parametrize("phase", [1.0, also(2.5)])
 def test_two_modes_close_together_are_told_apart_or_flagged(gap, phase):
     times = np.linspace(0.0, 60.0, 601)
-    found = heard(np.exp(-times / TAU) * (np.cos(1.4 * times) + np.cos((1.4 + gap) * times + phase)), times=times)
+    found = identified(np.exp(-times / TAU) * (np.cos(1.4 * times) + np.cos((1.4 + gap) * times + phase)), times=times)
     assert right(found, 1.4, 1.4 + gap) if gap >= 0.03 else right(found, 1.4, 1.4 + gap) or not found.sound
 
 
@@ -127,7 +127,7 @@ def test_two_modes_close_together_are_told_apart_or_flagged(gap, phase):
 def test_a_pair_hardly_told_apart_is_rarely_called_one_mode_in_silence(level, silent):
     times = np.linspace(0.0, 25.0, 250)  # a sixth of a beat
     pair = np.exp(-times / 18) * (np.cos(0.9 * times) + 0.33 * np.cos(0.938 * times + 1.0))
-    found = [heard(pair, seed, times=times, level=level) for seed in range(6)]
+    found = [identified(pair, seed, times=times, level=level) for seed in range(6)]
     assert sum(one.sound and not right(one, 0.9, 0.938, 18.0) for one in found) <= silent
 
 
@@ -135,7 +135,7 @@ def test_a_pair_hardly_told_apart_is_rarely_called_one_mode_in_silence(level, si
 def test_a_pair_too_near_for_its_record_is_flagged_where_one_mode_is_the_less_likely():
     times = np.linspace(0.0, 60.0, 601)  # a fifth of a beat; one mode leaves a χ² of 19 without noise
     pair = np.exp(-times / TAU) * (np.cos(1.4 * times) + np.cos(1.42 * times + 1.0))
-    found = [heard(pair, seed, times=times, level=0.01) for seed in range(6)]
+    found = [identified(pair, seed, times=times, level=0.01) for seed in range(6)]
     assert sum("close together" in " ".join(one.warnings) for one in found) >= 3
 
 
@@ -151,13 +151,13 @@ def test_a_pair_with_errors_as_large_as_a_tenth_of_its_distance_is_flagged(seed,
 
 @pytest.mark.parametrize("share", [0.003, also(0.01), also(0.03)])
 def test_a_quiet_second_mode_counts_by_the_noise_not_by_the_loud_one(share):
-    found = heard(ring(TIMES, fast=share), level=2e-4)
+    found = identified(ring(TIMES, fast=share), level=2e-4)
     assert (found.verdict, found.sound) == ("two", True)
     assert right(found)
 
 
 def test_one_mode_is_reported_as_one():
-    found = heard(ring(TIMES, fast=0.0), 4)
+    found = identified(ring(TIMES, fast=0.0), 4)
     assert (found.verdict, found.sound) == ("one", True)
     assert found.omega_plus is None
     assert np.isnan(found.stderr["omega_plus"])
@@ -170,30 +170,30 @@ def test_autocorrelated_noise_is_no_misfit_and_widens_the_errors(memory):
     noise = np.zeros(TIMES.size)
     for k in range(1, TIMES.size):
         noise[k] = memory * noise[k - 1] + fresh[k]
-    found = heard(ring(TIMES) + 0.02 * noise, level=0.0)
+    found = identified(ring(TIMES) + 0.02 * noise, level=0.0)
     assert found.sound
     assert right(found)
-    assert found.stderr["omega_minus"] > 1.4 * heard(ring(TIMES), 5, level=0.02).stderr["omega_minus"]
+    assert found.stderr["omega_minus"] > 1.4 * identified(ring(TIMES), 5, level=0.02).stderr["omega_minus"]
     assert "autocorrelated" in found.notes[0]
 
 
 @pytest.mark.parametrize(("ratio", "sure"), [(2.0, True), (2.03, None)])
 def test_twice_the_slow_frequency_is_an_overtone(ratio, sure):
     slow = np.cos(0.8 * TIMES) + 0.3 * np.cos(0.8 * ratio * TIMES + 1)
-    found = heard(np.exp(-TIMES / TAU) * slow)
+    found = identified(np.exp(-TIMES / TAU) * slow)
     told = [text for text in (*found.warnings, *found.notes) if "overtone" in text]
     assert bool(told) == bool(sure)
     assert found.sound is not bool(sure)
 
 
 def test_growth_is_named():
-    found = heard(np.exp(TIMES / 30) * np.cos(SLOW * TIMES) + 0.3 * np.exp(TIMES / 30) * np.cos(FAST * TIMES))
+    found = identified(np.exp(TIMES / 30) * np.cos(SLOW * TIMES) + 0.3 * np.exp(TIMES / 30) * np.cos(FAST * TIMES))
     assert not found.sound
     assert "grows" in " ".join(found.warnings)
 
 
 def test_a_ring_that_does_not_decay_is_named():
-    found = heard(np.cos(SLOW * TIMES) + 0.5 * np.cos(FAST * TIMES))
+    found = identified(np.cos(SLOW * TIMES) + 0.5 * np.cos(FAST * TIMES))
     assert not found.sound
     assert "decay" in " ".join(found.warnings)
 
@@ -201,7 +201,7 @@ def test_a_ring_that_does_not_decay_is_named():
 @pytest.mark.parametrize("turns", [0.4, 0.7])
 def test_less_than_a_period_is_said(turns):
     times = np.linspace(0.0, turns * 2 * np.pi / SLOW, 300)
-    found = heard(np.exp(-times / TAU) * np.cos(SLOW * times), times=times)
+    found = identified(np.exp(-times / TAU) * np.cos(SLOW * times), times=times)
     assert not found.sound
 
 
@@ -234,5 +234,5 @@ def test_digitising_is_named(step, sound):
 
 def test_white_noise_is_refused():
     for seed in range(3):
-        found = heard(0 * TIMES, seed, level=0.1)
+        found = identified(0 * TIMES, seed, level=0.1)
         assert found.outcome == Outcome.UNUSABLE_DATA

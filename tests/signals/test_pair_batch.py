@@ -25,19 +25,19 @@ def test_rows_agree_with_the_single_extraction_and_the_truth():
     values, omega, tau = _records(20)
     values[7] = 1.0
     values[9, 50] = np.nan
-    heard = extract_batch(0.1, values)
-    good = heard.outcome == Outcome.OK
+    identified = extract_batch(0.1, values)
+    good = identified.outcome == Outcome.OK
     assert list(np.flatnonzero(~good)) == [7, 9]
-    assert np.isnan(heard.omega[7]).all()
-    assert np.all(np.abs(heard.omega - omega)[good] < 4.5 * heard.stderr[good, :2])
-    assert np.all(np.abs(heard.tau - tau)[good] < 4.5 * heard.stderr[good, 2])
+    assert np.isnan(identified.omega[7]).all()
+    assert np.all(np.abs(identified.omega - omega)[good] < 4.5 * identified.stderr[good, :2])
+    assert np.all(np.abs(identified.tau - tau)[good] < 4.5 * identified.stderr[good, 2])
     for row in (0, 3):
         one = extract(Trace(T, {"V": values[row]}), start=0)
-        assert heard.omega[row, 0] == pytest.approx(one.omega_minus, rel=1e-6)
-        assert heard.tau[row] == pytest.approx(one.tau, rel=1e-5)
-        assert heard.amplitude[row, 1] == pytest.approx(one.amplitudes["V"][1], rel=1e-5)
-        assert heard.phase[row, 0] == pytest.approx(one.phases["V"][0], abs=1e-5)
-        assert heard.stderr[row, 0] == pytest.approx(one.stderr["omega_minus"], rel=1e-2)
+        assert identified.omega[row, 0] == pytest.approx(one.omega_minus, rel=1e-6)
+        assert identified.tau[row] == pytest.approx(one.tau, rel=1e-5)
+        assert identified.amplitude[row, 1] == pytest.approx(one.amplitudes["V"][1], rel=1e-5)
+        assert identified.phase[row, 0] == pytest.approx(one.phases["V"][0], abs=1e-5)
+        assert identified.stderr[row, 0] == pytest.approx(one.stderr["omega_minus"], rel=1e-2)
 
 
 @pytest.mark.long
@@ -46,10 +46,10 @@ def test_lengths_may_differ_and_padding_is_not_read():
     values[1, 300:] = np.nan
     values[2] += 0.1 * values[2].std() * np.cos(4.7 * T)  # a wave that neither mode describes
     counts = np.where(np.arange(20) == 1, 300, 400)
-    heard = extract_batch(0.1, values, counts)
-    assert np.all(heard.outcome == Outcome.OK)
-    assert list(np.flatnonzero(~heard.described)) == [2]
-    assert np.all(np.abs(heard.omega[1] - omega[1]) < 4.5 * heard.stderr[1, :2])
+    identified = extract_batch(0.1, values, counts)
+    assert np.all(identified.outcome == Outcome.OK)
+    assert list(np.flatnonzero(~identified.described)) == [2]
+    assert np.all(np.abs(identified.omega[1] - omega[1]) < 4.5 * identified.stderr[1, :2])
 
 
 def test_impossible_records_are_refused():

@@ -32,7 +32,7 @@ def test_every_order_gives_its_own_number_of_poles_and_no_numbers_none():
 
 def test_rates_of_an_uneven_record_are_near_those_put_in():
     times = np.cumsum(np.random.default_rng(2).uniform(0.05, 0.15, size=400))
-    heard = rates(times, record(times - times[0], seed=2))
+    identified = rates(times, record(times - times[0], seed=2))
     # a start for the fit: each frequency within a tenth of its mode's width 2/τ or so
     for mode in PUT_IN:
-        assert min(np.abs(s - mode).min() for s in heard) < 0.03
+        assert min(np.abs(s - mode).min() for s in identified) < 0.03

@@ -1,4 +1,4 @@
-"""What is heard is what was put in, and what cannot be heard is said."""
+"""What is extracted is what was put in, and what cannot be extracted is said."""
 
 import tracemalloc
 
@@ -48,21 +48,21 @@ def test_two_modes_are_heard_as_scipy_fits_them():
 
     best, covariance = curve_fit(model, TIMES, data, p0=[1.0, 1.8, 6.0, 1, 0, 0.5, 0, 3])
     errors = np.sqrt(np.diag(covariance))
-    heard = extract(Trace(TIMES, {"V": data}), start=0.0)
+    identified = extract(Trace(TIMES, {"V": data}), start=0.0)
     # the same least squares by two routes
-    assert heard.tau == pytest.approx(best[2], rel=1e-6)
-    assert heard.omega_minus == pytest.approx(np.hypot(best[0], 1 / best[2]), rel=1e-6)
-    assert heard.omega_plus == pytest.approx(np.hypot(best[1], 1 / best[2]), rel=1e-6)
-    assert heard.stderr["tau"] == pytest.approx(errors[2], rel=0.02)  # 2 %: degrees of freedom
+    assert identified.tau == pytest.approx(best[2], rel=1e-6)
+    assert identified.omega_minus == pytest.approx(np.hypot(best[0], 1 / best[2]), rel=1e-6)
+    assert identified.omega_plus == pytest.approx(np.hypot(best[1], 1 / best[2]), rel=1e-6)
+    assert identified.stderr["tau"] == pytest.approx(errors[2], rel=0.02)  # 2 %: degrees of freedom
 
 
 def test_amplitudes_and_phases_are_those_at_the_windows_start():
-    heard = extract(Trace(TIMES, {"V": 3 + ring(TIMES, SLOW, FAST)}), start=10.0)
+    identified = extract(Trace(TIMES, {"V": 3 + ring(TIMES, SLOW, FAST)}), start=10.0)
     fade = np.exp(-10.0 / TAU)
-    assert heard.amplitudes["V"] == pytest.approx((SLOW[0] * fade, FAST[0] * fade), rel=1e-6)
-    assert heard.amplitude_ratio["V"] == pytest.approx(0.5, rel=1e-6)
+    assert identified.amplitudes["V"] == pytest.approx((SLOW[0] * fade, FAST[0] * fade), rel=1e-6)
+    assert identified.amplitude_ratio["V"] == pytest.approx(0.5, rel=1e-6)
     wanted = [np.exp(1j * (w * 10.0 + phase)) for _, w, phase in (SLOW, FAST)]
-    np.testing.assert_allclose(np.exp(1j * np.array(heard.phases["V"])), wanted, atol=1e-5)
+    np.testing.assert_allclose(np.exp(1j * np.array(identified.phases["V"])), wanted, atol=1e-5)
 
 
 def snapped(times: np.ndarray, at: float) -> np.ndarray:
@@ -73,9 +73,9 @@ def snapped(times: np.ndarray, at: float) -> np.ndarray:
 
 def test_the_default_window_opens_five_units_after_the_dip():
     trace = Trace(TIMES, {"V": snapped(TIMES, 8.0)})
-    heard = extract(trace)
+    identified = extract(trace)
     assert dip(trace) == pytest.approx(8.0, abs=0.11)
-    assert heard.window[0] == pytest.approx(dip(trace) + 5, abs=0.11)
+    assert identified.window[0] == pytest.approx(dip(trace) + 5, abs=0.11)
 
 
 def test_a_record_that_only_rings_holds_no_snap():
@@ -86,27 +86,27 @@ def test_a_record_that_only_rings_holds_no_snap():
 def test_a_microshells_record_in_seconds_costs_no_more_than_its_samples():
     volume, start = 2.9 + 0.1 * ring(TIMES, SLOW), 0.0
     tracemalloc.start()
-    heard = extract(Trace(1e-8 * TIMES, {"V": volume}), start=start)
+    identified = extract(Trace(1e-8 * TIMES, {"V": volume}), start=start)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert heard.omega_minus == pytest.approx(1e8 * extract(Trace(TIMES, {"V": volume}), start=start).omega_minus)
+    assert identified.omega_minus == pytest.approx(1e8 * extract(Trace(TIMES, {"V": volume}), start=start).omega_minus)
     assert peak < 20e6  # a running mean over a time unit would be one over 1e9 samples
 
 
 def test_without_volume_all_measured_channels_are_heard_together():
     height, width = 1.3 + ring(TIMES, SLOW), 2.1 + 0.2 * ring(TIMES, SLOW, FAST)
-    heard = extract(Trace(TIMES, {"H": height, "W": width, "v_front": TIMES}), start=0.0)
-    assert heard.channels == ("H", "W")
-    assert heard.amplitude_ratio["H"] < 1e-6
-    assert heard.amplitude_ratio["W"] == pytest.approx(0.5, rel=1e-5)
+    identified = extract(Trace(TIMES, {"H": height, "W": width, "v_front": TIMES}), start=0.0)
+    assert identified.channels == ("H", "W")
+    assert identified.amplitude_ratio["H"] < 1e-6
+    assert identified.amplitude_ratio["W"] == pytest.approx(0.5, rel=1e-5)
 
 
 @pytest.mark.parametrize(("values", "stop"), [(np.full(401, 2.9), None), (2.9 + ring(TIMES, SLOW), 2.0)])
 def test_what_cannot_be_heard_is_an_outcome_without_numbers(values, stop):
-    heard = extract(Trace(TIMES, {"V": values}), start=0.0, stop=stop)
-    assert heard.outcome == Outcome.UNUSABLE_DATA
-    assert heard.omega_minus is None
-    assert heard.reason
+    identified = extract(Trace(TIMES, {"V": values}), start=0.0, stop=stop)
+    assert identified.outcome == Outcome.UNUSABLE_DATA
+    assert identified.omega_minus is None
+    assert identified.reason
     with pytest.raises(NotOk, match="unusable_data"):
         extract(Trace(TIMES, {"V": values}), start=0.0, stop=stop, throw=True)
 
@@ -122,9 +122,9 @@ def test_wrong_requests_are_refused():
 
 def test_white_noise_holds_no_mode():
     noise = np.random.default_rng(3).standard_normal(TIMES.size)
-    heard = extract(Trace(TIMES, {"V": 2.9 + 0.1 * noise}), start=0.0)
-    assert heard.outcome == Outcome.UNUSABLE_DATA
-    assert heard.omega_minus is None
+    identified = extract(Trace(TIMES, {"V": 2.9 + 0.1 * noise}), start=0.0)
+    assert identified.outcome == Outcome.UNUSABLE_DATA
+    assert identified.omega_minus is None
 
 
 @pytest.mark.parametrize("span", [40.0, 150.0, 400.0])

@@ -22,7 +22,7 @@ from jshell.service.safety import clean_name
 from jshell.service.schemas import FitRequest
 from jshell.service.store import JobRow
 
-Asked = TypeVar("Asked", bound=BaseModel)
+Schema = TypeVar("Schema", bound=BaseModel)
 STRICT, MODAL = ("alpha1", "alpha2", "k_vs", "beta1"), ("alpha1", "alpha2", "k_vs", "tau")
 SYMBOLS = {
     "alpha1": ("α₁", "added-mass factor of the volume"),
@@ -55,7 +55,7 @@ class Choice:
     values: tuple[tuple[str, str], ...]
 
 
-def validated(kind: type[Asked], fields: Mapping[str, Any], remedy: str) -> Asked:
+def validated(kind: type[Schema], fields: Mapping[str, Any], remedy: str) -> Schema:
     """What the fields of a form ask for.
 
     Raises:
