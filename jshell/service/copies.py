@@ -8,6 +8,8 @@ Source     SQLite documentation: Online Backup API
 
 import contextlib
 import hashlib
+import os
+import secrets
 import sqlite3
 from pathlib import Path
 
@@ -17,6 +19,7 @@ from jshell.errors import BadStore, BadValue, StoreUnavailable
 from jshell.service.tables import STATES, STEPS
 
 PATIENCE = 60.0  # [s] that a copy waits for somebody who holds the database
+BESIDE = ("-wal", "-shm", "-journal")  # what SQLite keeps beside a database, and reads into any that has its name
 
 
 def backup(url: str, copy: Path) -> dict[str, int]:
@@ -83,24 +86,56 @@ def _fault(copy: sqlite3.Connection) -> str:
 
 
 def _copied(source: Path, target: Path) -> dict[str, int]:
-    if target.exists():
-        raise BadValue(
-            f"file {str(target)!r}", found="a file", expected="none of this name",
-            remedy="Name another one: nothing is written over.",
-        )  # fmt: skip
-    part = target.with_name(f"{target.name}.part")
+    part = target.with_name(f"{target.name}.{secrets.token_hex(4)}.part")  # of this copy: another may be on its way
     try:
-        part.unlink(missing_ok=True)
+        _refuse_taken(target)
         with contextlib.closing(_opened(source, "rw")) as given, contextlib.closing(_opened(part, "rwc")) as made:
             given.backup(made)
             made.execute("PRAGMA journal_mode = DELETE").close()  # one file, without a log beside it
         counts = check(part)
-        part.rename(target)
+        _refuse_taken(target)
+        _place(part, target)
     except (sqlite3.DatabaseError, OSError) as error:
         raise _in_words(f"copy of {str(source)!r}", error) from None
     finally:
         part.unlink(missing_ok=True)
     return counts
+
+
+def _refuse_taken(target: Path) -> None:
+    """Refuse a name that is taken, or beside which a database that is gone has left its log.
+
+    Raises:
+        BadValue: It is.
+    """
+    if os.path.lexists(target):
+        raise _taken(target)
+    left = [path.name for path in (target.with_name(target.name + tail) for tail in BESIDE) if os.path.lexists(path)]
+    if left:
+        raise BadValue(
+            f"file {str(target)!r}", found=f"what another database has left beside it ({', '.join(left)})",
+            expected="nothing of this name",
+            remedy="Name another one, or move these away first: SQLite would read them into the new file. "
+            "They may hold jobs of the former one.",
+        )  # fmt: skip
+
+
+def _place(part: Path, target: Path) -> None:
+    """Give a file its name, unless somebody else has taken that meanwhile."""
+    try:
+        os.link(part, target)  # refused where the name is taken, which `rename` is not
+    except FileExistsError:
+        raise _taken(target) from None
+    except OSError:  # a disk without links
+        _refuse_taken(target)
+        part.rename(target)
+
+
+def _taken(target: Path) -> BadValue:
+    return BadValue(
+        f"file {str(target)!r}", found="a file", expected="none of this name",
+        remedy="Name another one: nothing is written over.",
+    )  # fmt: skip
 
 
 def _opened(path: Path, mode: str) -> sqlite3.Connection:

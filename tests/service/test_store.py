@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 import sqlalchemy as sa
 
-from jshell.errors import BadName, BadStore, BadValue, KeyConflict, NotFound, QueueFull, StoreUnavailable
-from jshell.service import checkpoints, copies, tables
+from jshell.errors import BadName, BadStore, BadValue, KeyConflict, NotFound, QueueFull
+from jshell.service import checkpoints, tables
 from jshell.service.store import JobFailure, Store
 from jshell.service.uploads import Upload
 
@@ -461,44 +461,6 @@ def test_a_log_that_cannot_be_brought_home_is_tried_again(error):
             time.sleep(0.01)
     keeper.close()
     assert len(tries) == 2
-
-
-def test_a_copy_is_looked_at_and_put_beside_nothing(tmp_path):
-    url, copy, other = f"sqlite:///{tmp_path / 'jobs.db'}", tmp_path / "copy", f"sqlite:///{tmp_path / 'other.db'}"
-    store = Store.open(url)
-    trace = store.add_trace("a.csv", b"content")
-    job = store.submit("fit", {}, [trace.id]).job
-    found = copies.backup(url, copy)
-    assert (found["queued"], found["traces"], found["results"]) == (1, 1, 0)
-    asked(store)
-    assert copies.check(copy) == copies.restore(copy, other) == found  # as of that moment
-    for again in (lambda: copies.backup(url, copy), lambda: copies.restore(copy, other)):
-        with pytest.raises(BadValue, match="nothing is written over"):
-            again()
-    restored = Store.open(other)
-    assert [row.id for row in restored.jobs()] == [job.id]
-    assert restored.trace_content(trace.id) == b"content"
-    restored.close()
-    store.close()
-    assert sorted(one.name for one in tmp_path.iterdir()) == ["copy", "jobs.db", "other.db"]
-    with contextlib.closing(sqlite3.connect(copy)) as connection, connection:
-        connection.execute("UPDATE contents SET content = x'00'")
-    with pytest.raises(BadStore, match="not what it was"):
-        copies.check(copy)
-    copy.write_bytes(copy.read_bytes()[:20000])
-    with pytest.raises(BadStore, match="Take another"):
-        copies.restore(copy, f"sqlite:///{tmp_path / 'third.db'}")
-    assert not (tmp_path / "third.db").exists()
-    with pytest.raises(StoreUnavailable, match="Check its name"):
-        copies.check(tmp_path / "nothing")
-
-
-@pytest.mark.parametrize("db", ["postgresql+psycopg://jshell@db/jshell", "jshell.db", "sqlite://"])
-def test_what_is_no_file_is_copied_by_its_own_means(tmp_path, db):
-    with pytest.raises(BadValue, match="pg_dump"):
-        copies.backup(db, tmp_path / "copy")
-    with pytest.raises(BadValue, match="pg_restore"):
-        copies.restore(tmp_path / "copy", db)
 
 
 def test_what_is_begun_anew_has_no_progress_and_can_be_called_off(store):
