@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     import httpx
 
 AGAIN = (429, 502, 503, 504)  # worth another try
-ARRIVAL = 120.0  # [s] that a body may take beside the time for its answer: what a service grants
+ARRIVAL = 120.0  # [s] that a body may take beside the time for its answer, at most: what a service grants
+RATE = 64 * 1024.0  # [bytes/s] of a slow line, at which a body is granted its time
 
 
 class Unreachable(JshellError, OSError):
@@ -79,26 +80,30 @@ class Asking:
             pause = min(2 * pause, 2.0)
 
     def _answer(self, seconds: float | int, method: str, address: str, **given: Any) -> "httpx.Response":
-        """One answer within so many seconds; httpx limits only the time between two of its bytes.
+        """One answer within so many seconds and what its own body takes; httpx limits only the time between two bytes.
 
         Raises:
             httpx.RequestError: None came.
         """
         import httpx
 
+        request = self._http.build_request(method, address, **given)
+        whole = seconds + min(int(request.headers.get("Content-Length", 0)) / RATE, ARRIVAL)
+        # what was written may still be on its way when the answer is waited for
+        request.extensions["timeout"] = httpx.Timeout(whole, connect=seconds).as_dict()
         box: queue.SimpleQueue[httpx.Response | Exception] = queue.SimpleQueue()
 
         def ask() -> None:
             try:
-                box.put(self._http.request(method, address, **given))
+                box.put(self._http.send(request))
             except Exception as error:  # handed to who waits
                 box.put(error)
 
         threading.Thread(target=ask, daemon=True, name="jshell client").start()
         try:
-            found = box.get(timeout=seconds + (ARRIVAL if method == "POST" else 0.0))
+            found = box.get(timeout=whole)
         except queue.Empty:
-            raise httpx.ReadTimeout(f"no whole answer within {seconds:.3g} s") from None
+            raise httpx.ReadTimeout(f"no whole answer within {whole:.3g} s") from None
         if isinstance(found, Exception):
             raise found
         return found

@@ -114,7 +114,8 @@ class Client(Asking):
     Args:
         url: Its address, as `jshell serve` prints it.
         token: Where the service asks for one; by default the environment's JSHELL_TOKEN.
-        timeout: Longest time for one answer, from its request to its last byte [s].
+        timeout: Longest time for one answer, from its request to its last byte [s]; what is sent has its own time beside
+            it, a second for every 64 KiB and two minutes at most.
         patience: Time for which lost requests and a full queue are tried again [s].
 
     Raises:

@@ -52,8 +52,8 @@ def test_a_batch_goes_without_a_form_where_memory_may_hold_it(quiet, monkeypatch
     monkeypatch.setattr(client, "MAX_BODY_BYTES", held)
     sent = []
     with jshell.Client(quiet) as service:
-        once = service._http.request
-        monkeypatch.setattr(service._http, "request", lambda *a, **given: sent.append(a[1]) or once(*a, **given))
+        once = service._http.send
+        monkeypatch.setattr(service._http, "send", lambda asked: sent.append(asked.url.path) or once(asked))
         job = service.submit_batch(RECORDING, seed=405 + held, bounds={"tau": (0.0, np.inf)})
     assert sent == [f"/api/v1/batches/file/{RECORDING.name}" if held else "/api/v1/batches"]
     assert (job.kind, job.state) == ("batch", "queued")
@@ -67,15 +67,15 @@ def test_a_lost_batch_is_sent_again_whole(quiet, monkeypatch, tmp_path):
     path.write_bytes(RECORDING.read_bytes() + b"\n\n")  # the latest upload, then
 
     with jshell.Client(quiet) as client:
-        once, lost = client._http.request, []
+        once, lost = client._http.send, []
 
-        def request(*a, **given):
+        def send(request):
             if not lost:
-                lost.append(b"".join(given["content"]))  # read to its end, and then the line breaks
+                lost.append(b"".join(request.stream))  # read to its end, and then the line breaks
                 raise httpx.ReadError("cut")
-            return once(*a, **given)
+            return once(request)
 
-        monkeypatch.setattr(client._http, "request", request)
+        monkeypatch.setattr(client._http, "send", send)
         job = client.submit_batch(path)
         assert job.state == "queued"
         assert lost == [path.read_bytes()]

@@ -1,5 +1,8 @@
 """The client and what is no service, or is none for a while: typed errors, within the time asked."""
 
+import contextlib
+import json
+import re
 import socket
 import threading
 import time
@@ -9,8 +12,10 @@ import pytest
 
 import jshell
 from jshell.errors import JshellError
+from jshell.service import asking
 from jshell.service.asking import Unreachable, _seconds
 from jshell.service.settings import Settings
+from jshell.shell.presets import R
 
 from .conftest import RECORDING, listening
 
@@ -22,10 +27,10 @@ def whole(head: bytes, body: bytes) -> bytes:
     return head + b"Content-Length: %d\r\n\r\n" % len(body) + body
 
 
-def drip(line: socket.socket, first: bytes) -> None:
+def drip(line: socket.socket, first: bytes, drop: bytes = b" ") -> None:
     line.sendall(first)
     for _ in range(60):
-        line.sendall(b" ")
+        line.sendall(drop)
         time.sleep(0.05)
 
 
@@ -44,14 +49,14 @@ MISBEHAVIOURS: dict[str, bytes | Callable[[socket.socket], None]] = {
     "no gzip": whole(OK + b"Content-Encoding: gzip\r\n", b"not at all"),
     "a slow body": lambda line: drip(line, OK + b"Content-Length: 1000\r\n\r\n"),
     "a slow header": lambda line: drip(line, OK + b"X-1: "),
+    "continue without end": lambda line: drip(line, b"", b"HTTP/1.1 100 Continue\r\n\r\n"),
     "silence": lambda line: time.sleep(3),
 }
 
 
-@pytest.fixture
-def wrong(request: pytest.FixtureRequest) -> Iterator[str]:
-    """Address of a server that misbehaves."""
-    answer = MISBEHAVIOURS[request.param]
+@contextlib.contextmanager
+def answering(answer: bytes | Callable[[socket.socket], None]) -> Iterator[str]:
+    """Address of a server that sends this, or does this, whatever it is asked."""
     with socket.create_server(("127.0.0.1", 0)) as server:
 
         def serve() -> None:
@@ -65,14 +70,24 @@ def wrong(request: pytest.FixtureRequest) -> Iterator[str]:
         def reply(line: socket.socket) -> None:
             with line:
                 try:
-                    line.recv(65536)
-                    line.sendall(answer) if isinstance(answer, bytes) else answer(line)
+                    if isinstance(answer, bytes):
+                        line.recv(65536)
+                        line.sendall(answer)
+                    else:
+                        answer(line)
                 except OSError:
                     return
 
         threading.Thread(target=serve, daemon=True).start()
         yield f"http://127.0.0.1:{server.getsockname()[1]}"
         server.shutdown(socket.SHUT_RDWR)
+
+
+@pytest.fixture
+def wrong(request: pytest.FixtureRequest) -> Iterator[str]:
+    """Address of a server that misbehaves."""
+    with answering(MISBEHAVIOURS[request.param]) as address:
+        yield address
 
 
 @pytest.mark.parametrize("wrong", MISBEHAVIOURS, indirect=True)
@@ -86,6 +101,36 @@ def test_what_is_no_service_is_told_in_time(wrong):
         begun = time.monotonic()
         assert not client.healthy()
         assert time.monotonic() - begun < 2
+
+
+@pytest.mark.parametrize("wrong", ["a slow body", "a slow header", "continue without end"], indirect=True)
+def test_what_is_sent_has_the_time_of_its_own_bytes_and_no_more(wrong):
+    with jshell.Client(wrong, timeout=0.1, patience=0) as client:
+        begun = time.monotonic()
+        with pytest.raises(Unreachable):
+            client.simulate(R.conditions)
+        assert time.monotonic() - begun < 1  # a few hundred bytes had been granted two minutes
+
+
+def test_a_large_body_on_a_slow_line_is_waited_for(monkeypatch, tmp_path):
+    def slow(line: socket.socket) -> None:
+        head = line.recv(4096)
+        left = int(re.search(rb"Content-Length: (\d+)", head)[1]) - len(head.partition(b"\r\n\r\n")[2])
+        for _ in range(6):
+            time.sleep(0.05)
+            left -= len(line.recv(2**16))
+        while left:
+            left -= len(line.recv(2**20))
+        line.sendall(whole(OK, json.dumps({"id": "0" * 32}).encode()))
+
+    path = tmp_path / "long.csv"
+    path.write_bytes(bytes(2**20))
+    with answering(slow) as address, jshell.Client(address, timeout=0.15, patience=0) as client:
+        monkeypatch.setattr(asking, "RATE", 2.0**19)
+        assert client.upload(path) == "0" * 32
+        monkeypatch.setattr(asking, "RATE", 2.0**40)
+        with pytest.raises(Unreachable):
+            client.upload(path)
 
 
 def test_a_date_to_come_back_is_understood():
