@@ -4,13 +4,13 @@ import queue
 import threading
 import time
 import uuid
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from email.utils import parsedate_to_datetime
 from typing import TYPE_CHECKING, Any
 
-import jshell.errors
-from jshell.errors import JshellError, NotOk
+from jshell.errors import JshellError
 from jshell.service import sending
+from jshell.service.receiving import SPOILED, error_of
 
 if TYPE_CHECKING:
     import httpx
@@ -35,16 +35,18 @@ class Asking:
     _http: "httpx.Client"
 
     def _ask(self, read: Callable[[Any], Any], method: str, address: str, **given: Any) -> Any:
-        """What an answer in JSON says.
+        """What an answer in JSON says; as `_fetch`."""
+        response = self._send(method, address, **given)
+        return _taken(response, lambda: read(response.json()))
+
+    def _fetch(self, read: Callable[[bytes], Any], address: str) -> Any:
+        """What a file of the service says.
 
         Raises:
             Unreachable: It is not an answer of jshell's.
         """
-        response = self._send(method, address, **given)
-        try:
-            return read(response.json())
-        except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
-            raise _not_ours(response) from None
+        response = self._send("GET", address)
+        return _taken(response, lambda: read(response.content))
 
     def _send(
         self, method: str, address: str, *, key: str | None = None, body: bytes | None = None,
@@ -113,7 +115,7 @@ def _seconds(text: str) -> float:
     """What Retry-After asks for, in seconds or as a date; 0 where it is neither."""
     try:
         return float(text) if text.isdecimal() else parsedate_to_datetime(text).timestamp() - time.time()
-    except ValueError:
+    except (ValueError, TypeError, LookupError, AttributeError, OverflowError, OSError):  # of years beyond any calendar
         return 0.0
 
 
@@ -121,24 +123,26 @@ def _problem(response: "httpx.Response") -> JshellError:
     """The error that a problem of RFC 9457 carries."""
     try:
         return error_of(response.json())
-    except (ValueError, KeyError, TypeError, RecursionError):
-        return _not_ours(response)
+    except SPOILED as error:
+        return _not_ours(response, error)
 
 
-def _not_ours(response: "httpx.Response") -> Unreachable:
+def _taken(response: "httpx.Response", read: Callable[[], Any]) -> Any:
+    """What is read of an answer.
+
+    Raises:
+        Unreachable: It is not an answer of jshell's.
+    """
+    try:
+        return read()
+    except SPOILED as error:
+        raise _not_ours(response, error) from None
+
+
+def _not_ours(response: "httpx.Response", error: Exception) -> Unreachable:
     kind = response.headers.get("Content-Type", "nothing")
+    words = error.found if isinstance(error, JshellError) else str(error) or type(error).__name__
     return Unreachable(
-        str(response.url), found=f"status {response.status_code} and {kind} from something else",
+        str(response.url), found=f"status {response.status_code} and {kind} from something else ({words[:120]})",
         expected="jshell's service", remedy="Check the address.",
     )  # fmt: skip
-
-
-def error_of(found: Mapping[str, Any]) -> JshellError:
-    """An error of the library from its words."""
-    words = {name: str(found[name]) for name in ("found", "expected", "remedy")}
-    words["expected"] = words["expected"] or "a result"
-    kinds = [kind for kind in vars(jshell.errors).values() if isinstance(kind, type) and issubclass(kind, JshellError)]
-    kind = next((one for one in kinds if one.code == found["code"] and one is not NotOk), JshellError)
-    error = kind(str(found["place"]), **words)
-    error.code = str(found["code"])
-    return error

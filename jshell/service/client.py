@@ -13,14 +13,12 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from jshell import io
-from jshell.calibration import BatchResult, FitResult, Recordings, load
+from jshell.calibration import BatchResult, FitResult, Recordings
 from jshell.calibration.recordings import stacked
 from jshell.dynamics import Mode, OrderMode
 from jshell.errors import BadValue, JshellError, require_extra
-from jshell.files import NamedBytes
-from jshell.service import batches, chunks, sending
-from jshell.service.asking import Asking, error_of
+from jshell.service import batches, chunks, receiving, sending
+from jshell.service.asking import Asking
 from jshell.service.asking import Unreachable as Unreachable
 from jshell.service.kinds import PLURAL
 from jshell.service.settings import MAX_BODY_BYTES
@@ -114,8 +112,8 @@ class Client(Asking):
     Args:
         url: Its address, as `jshell serve` prints it.
         token: Where the service asks for one; by default the environment's JSHELL_TOKEN.
-        timeout: Longest time for one answer, from its request to its last byte [s]; what is sent has its own time beside
-            it, a second for every 64 KiB and two minutes at most.
+        timeout: Longest time for one answer, from its request to its last byte [s]; what is sent has its own time
+            beside it, a second for every 64 KiB and two minutes at most.
         patience: Time for which lost requests and a full queue are tried again [s].
 
     Raises:
@@ -298,7 +296,7 @@ class Client(Asking):
             name, content = sending.content(trace)
         data = {} if conditions is None else {"conditions": json.dumps(dict(conditions))}
         data |= {"reading": sending.reading(said)} if said else {}
-        return self._ask(lambda found: str(found["id"]), "POST", "/traces", files={"file": (name, content)}, data=data)
+        return self._ask(receiving.upload, "POST", "/traces", files={"file": (name, content)}, data=data)
 
     def job(self, id: str, kind: str = "fit") -> Job:
         """A job as it stands.
@@ -311,10 +309,18 @@ class Client(Asking):
     def jobs(self, kind: str = "fit", state: str | None = None) -> Iterator[Job]:
         """All jobs of a kind, the latest first."""
         address: str | None = f"/{PLURAL[kind]}?limit=200" + ("" if state is None else f"&state={state}")
+        seen: list[str] = []
+
+        def read(found: Any) -> tuple[list[dict[str, Any]], str | None]:
+            jobs, following = receiving.page(found)
+            if following in seen:
+                raise ValueError("a next page that was seen before")
+            return jobs, following
+
         while address is not None:
-            page, further = self._ask(lambda found: ([*map(self._job, found["jobs"])], found["next"]), "GET", address)
-            yield from page
-            address = None if further is None else further.removeprefix("/api/v1")
+            seen.append(address)
+            page, address = self._ask(read, "GET", address)
+            yield from (Job(self, **one) for one in page)
 
     def cancel(self, job: Job | str, kind: str = "fit") -> Job:
         """Call a job off; one that is over stays as it is."""
@@ -328,21 +334,17 @@ class Client(Asking):
             JshellError: There is no such job, or it has no result.
         """
         id, kind = (job.id, job.kind) if isinstance(job, Job) else (job, kind)
+        there = f"/{PLURAL[kind]}/{id}"
         if kind == "batch":
-            return batches.unpack_result(self._send("GET", f"/batches/{id}.npz").content)
-        if kind == "modes":
-            kind_of = lambda row: OrderMode if "azimuth" in row else Mode  # noqa: E731
-            return self._ask(lambda rows: tuple(kind_of(row)(**row) for row in rows), "GET", f"/modes/{id}.json")
-        if kind == "invert":
-            return self._ask(dict, "GET", f"/inversions/{id}.json")
-        content = self._send("GET", f"/{PLURAL[kind]}/{id}.json").content
-        file = NamedBytes("record.json", content)
-        return load(file) if kind == "fit" else io.read_trace(file)
+            return self._fetch(receiving.batch, f"{there}.npz")
+        if kind in ("modes", "invert"):
+            return self._ask(receiving.modes if kind == "modes" else receiving.inversion, "GET", f"{there}.json")
+        return self._fetch(receiving.fit if kind == "fit" else receiving.trace, f"{there}.json")
 
     def profile(self, job: Job | str) -> dict[str, Any] | None:
         """Profile intervals of a fit, where they were asked for; as `Profile.record()` says them."""
         id = job.id if isinstance(job, Job) else job
-        return self._ask(lambda found: (found["result"] or {}).get("profile"), "GET", f"/fits/{id}")
+        return self._ask(receiving.profile, "GET", f"/fits/{id}")
 
     def healthy(self) -> bool:
         """Whether jshell's service is there and takes jobs."""
@@ -350,15 +352,11 @@ class Client(Asking):
 
         try:
             answer = self._answer(self.timeout, "GET", "/healthz")
-            return answer.status_code == 200 and answer.json()["status"] == "ok" and bool(answer.json()["version"])
-        except (httpx.RequestError, ValueError, KeyError, TypeError, RecursionError):
+            found = answer.json()
+            sound = receiving.part(found, "status", str) == "ok" and bool(receiving.part(found, "version", str))
+            return answer.status_code == 200 and sound
+        except (httpx.RequestError, *receiving.SPOILED):
             return False
 
-    def _job(self, found: Mapping[str, Any]) -> Job:
-        error = None if found["error"] is None else error_of(found["error"])
-        return Job(
-            self, found["id"], found["kind"], found["state"], float(found["progress"]), found["specification"], error
-        )
-
     def _ask_job(self, method: str, address: str, **given: Any) -> Job:
-        return self._ask(self._job, method, address, **given)
+        return self._ask(lambda found: Job(self, **receiving.job(found)), method, address, **given)

@@ -47,6 +47,10 @@ MISBEHAVIOURS: dict[str, bytes | Callable[[socket.socket], None]] = {
     "nothing": b"",
     "half of it": OK + b"Content-Length: 1000\r\n\r\n{",
     "no gzip": whole(OK + b"Content-Encoding: gzip\r\n", b"not at all"),
+    "a date beyond calendars": whole(
+        b"HTTP/1.1 503 Later\r\nRetry-After: 1 Oct %s 07:28:00 GMT\r\n" % (b"9" * 20), b"{}"
+    ),
+    "a problem that is none": whole(b"HTTP/1.1 422 No\r\n", b'{"code": [], "place": 1, "found": 1, "expected": {}}'),
     "a slow body": lambda line: drip(line, OK + b"Content-Length: 1000\r\n\r\n"),
     "a slow header": lambda line: drip(line, OK + b"X-1: "),
     "continue without end": lambda line: drip(line, b"", b"HTTP/1.1 100 Continue\r\n\r\n"),
@@ -137,6 +141,30 @@ def test_a_date_to_come_back_is_understood():
     assert _seconds("3") == 3.0
     assert _seconds("Fri, 31 Dec 2100 23:59:59 GMT") > 1e6
     assert _seconds("soon") == _seconds("") == 0.0
+    assert _seconds("9" * 5000) == float("inf")
+    for year in ("9" * 20, "0001", "0"):
+        assert _seconds(f"Wed, 21 Oct {year} 07:28:00 -0000") <= 0.0
+
+
+@pytest.mark.parametrize("answer", [b"[" * 20_000, b"1" * 5000, b"[]", b"{}", b"null", b'{"jobs": [], "next": 5}'])
+def test_what_is_no_result_is_told_with_its_address(answer):
+    with answering(whole(OK, answer)) as address, jshell.Client(address, timeout=5, patience=0) as client:
+        for kind in ("fit", "batch", "simulate", "modes", "invert"):
+            with pytest.raises(Unreachable, match=f"^{address}/api/v1/.*{'0' * 24}"):
+                client.result("0" * 24, kind)
+        for ask in (lambda: next(client.jobs()), lambda: client.upload(RECORDING), lambda: client.profile("0" * 24)):
+            with pytest.raises(Unreachable, match=f"^{address}/api/v1/"):
+                ask()
+
+
+def test_a_list_of_jobs_that_names_itself_as_the_next_page_ends():
+    job = {"id": "0" * 24, "kind": "fit", "state": "done", "progress": 1, "specification": {}, "error": None}
+    listed = json.dumps({"jobs": [job], "next": "/fits/api/v1/fits?limit=200&before=1"}).encode()
+    with answering(whole(OK, listed)) as address, jshell.Client(address, timeout=5, patience=0) as client:
+        jobs = client.jobs()
+        assert next(jobs).id == "0" * 24
+        with pytest.raises(Unreachable, match="seen before"):
+            next(jobs)
 
 
 def test_who_waits_for_a_job_waits_through_a_restart(tmp_path):
