@@ -8,15 +8,15 @@ Source     SQLite documentation: Online Backup API
 
 import contextlib
 import hashlib
+import json
 import os
 import secrets
 import sqlite3
 from pathlib import Path
 
-from sqlalchemy.engine import make_url
-
 from jshell.errors import BadStore, BadValue, StoreUnavailable
-from jshell.service.tables import STATES, STEPS
+from jshell.service.database import parsed, shown, what_else
+from jshell.service.tables import DONE, STATES, STEPS
 
 PATIENCE = 60.0  # [s] that a copy waits for somebody who holds the database
 BESIDE = ("-wal", "-shm", "-journal")  # what SQLite keeps beside a database, and reads into any that has its name
@@ -73,16 +73,38 @@ def _fault(copy: sqlite3.Connection) -> str:
     words = copy.execute("PRAGMA integrity_check(1)").fetchone()[0]
     if words != "ok":
         return words
-    tables = {name for (name,) in copy.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
-    if not {"migrations", "jobs", "traces", "contents", "results"} <= tables:
+    if words := what_else(copy):
+        return words
+    if not copy.execute("SELECT 1 FROM sqlite_master WHERE name = 'jobs'").fetchone():
         return "a database of something else"
     if copy.execute("SELECT max(number) FROM migrations").fetchone()[0] > len(STEPS):
         return "tables of a later jshell"
     if copy.execute("PRAGMA foreign_key_check").fetchone():
         return "rows whose others are missing"
     kept = copy.execute("SELECT sha256, content FROM traces LEFT JOIN contents ON trace = id")
-    sound = all(content is not None and hashlib.sha256(content).hexdigest() == sha for sha, content in kept)
-    return "" if sound else "an upload that is not what it was"
+    for sha, content in kept:
+        if not isinstance(content, bytes) or hashlib.sha256(content).hexdigest() != sha:
+            return "an upload that is not what it was"
+    return _fault_of_jobs(copy)
+
+
+def _fault_of_jobs(copy: sqlite3.Connection) -> str:
+    """What the jobs name and the copy lacks, of which the tables know nothing; empty where nothing is."""
+    known = {id for (id,) in copy.execute("SELECT id FROM traces")}
+    made = {job for (job,) in copy.execute("SELECT DISTINCT job FROM results")}
+    for id, state, *texts in copy.execute("SELECT id, state, traces, specification, coalesce(error, '{}') FROM jobs"):
+        try:
+            named, words, error = map(json.loads, texts)
+            lost = not known.issuperset(named)
+        except (ValueError, TypeError, RecursionError):
+            return f"job {id} that cannot be read"
+        if state not in STATES or not (isinstance(words, dict) and isinstance(error, dict)):
+            return f"job {id} that cannot be read"
+        if lost:
+            return f"job {id} whose traces are missing"
+        if state == DONE and id not in made:
+            return f"job {id} that is done, without a result"
+    return ""
 
 
 def _copied(source: Path, target: Path) -> dict[str, int]:
@@ -143,14 +165,16 @@ def _opened(path: Path, mode: str) -> sqlite3.Connection:
 
 
 def _file(url: str, instead: str) -> Path:
-    found = make_url(url) if "://" in url else None
-    if found is None or found.get_backend_name() != "sqlite" or not found.database:
-        raise BadValue("db", found=repr(url), expected="sqlite:///FILE", remedy=f"For PostgreSQL use `{instead}`.")
+    found = parsed(url)
+    if found is None or found.get_backend_name() != "sqlite" or found.database in (None, "", ":memory:"):
+        raise BadValue("db", found=shown(url), expected="sqlite:///FILE", remedy=f"For PostgreSQL use `{instead}`.")
     return Path(found.database)
 
 
 def _in_words(place: str, error: Exception) -> BadStore | StoreUnavailable:
-    if isinstance(error, sqlite3.OperationalError | OSError):
+    # a statement that does not suit is the file's fault, not the disk's; what has no code cannot be read as a text
+    unsuited = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_ERROR) == sqlite3.SQLITE_ERROR
+    if isinstance(error, OSError) or (isinstance(error, sqlite3.OperationalError) and not unsuited):
         remedy = "Check its name, its folder and the room on the disk."
         return StoreUnavailable(place, found=str(error), expected="files that can be read and written", remedy=remedy)
     return BadStore(place, found=str(error), expected="a sound copy", remedy="Take another copy.")

@@ -18,7 +18,7 @@ import sqlalchemy as sa
 from sqlalchemy import event, exc
 from sqlalchemy.engine import make_url
 
-from jshell.errors import BadStore, BadValue, StoreUnavailable, require_extra
+from jshell.errors import BadStore, BadValue, JshellError, StoreUnavailable, require_extra
 from jshell.service import tables
 from jshell.service.checkpoints import LONGEST, Checkpoints
 from jshell.service.log import log
@@ -45,28 +45,21 @@ class Database:
     """
 
     def __init__(self, url: str) -> None:
-        try:
-            self.url = make_url(url)
-        except exc.ArgumentError:
-            self.url = None
-        kind = "" if self.url is None else self.url.get_backend_name()
-        if self.url is None or kind not in ("sqlite", "postgresql"):
-            raise BadValue(
-                "db",
-                found=repr(url),
-                expected="sqlite:///file.db or postgresql+psycopg://user@host/database",
-                remedy="Write sqlite:///jshell.db for a file in this folder.",
-            )
+        found = parsed(url)
+        kind = "" if found is None else found.get_backend_name()
+        if found is None or kind not in ("sqlite", "postgresql"):
+            raise _no_address(shown(url))
+        self.url = found
         self.sqlite = kind == "sqlite"
         self.place = f"database {self.url.render_as_string(hide_password=True)!r}"
         self._turn, self._closed = threading.Lock(), False
         self._checkpoints = Checkpoints(self._checkpoint)
-        if self.sqlite:
-            self._engine = self._open_file(self.url)
-        else:
-            self._engine = self._reach(self.url)
+        with self._driver_agrees():
+            self._engine = self._open_file(self.url) if self.sqlite else self._reach(self.url)
         event.listen(self._engine, "checkin", self._returned)
         try:
+            with self._driver_agrees(), self._in_words(), self._engine.connect():
+                pass
             with self.writing() as connection:
                 if not self.sqlite:  # two servers that start at once: one of them makes the tables
                     connection.execute(sa.select(sa.func.pg_advisory_xact_lock(tables.APPLICATION)))
@@ -82,6 +75,20 @@ class Database:
             self.close()
             raise
         self.place = "database"  # where it lies is for its keeper only, who has started it
+
+    @contextlib.contextmanager
+    def _driver_agrees(self) -> Iterator[None]:
+        """Only the driver knows what may stand behind a question mark, and says so when it connects.
+
+        Raises:
+            BadValue: It refuses the address.
+        """
+        try:
+            yield
+        except JshellError:
+            raise
+        except (exc.ArgumentError, exc.ProgrammingError, TypeError, ValueError) as error:
+            raise _no_address(f"{self.place} ({str(error).splitlines()[0]})") from None
 
     def close(self) -> None:
         """Let go of every connection; one still in use is closed when its user returns it."""
@@ -180,22 +187,17 @@ class Database:
         # where nobody has it open, it is looked at as if it could not change: nothing is written beside it
         for mode in ("mode=ro",) if log.exists() else ("immutable=1", "mode=ro"):
             try:
-                names, found = _tables_and_state(path, mode)
+                found, strange = _state(path, mode)
             except sqlite3.OperationalError as error:
                 raise self._unavailable(str(error)) from None
             except sqlite3.DatabaseError as error:
-                names, found = set(), str(error)
+                found, strange = str(error), ""
             if found == "ok" or not log.exists():  # else somebody has opened it meanwhile: look again
                 break
         if found != "ok":
             raise BadStore(self.place, found=found, expected="a sound database", remedy=spoiled)
-        if names and "migrations" not in names:
-            raise BadStore(
-                self.place,
-                found=f"a database of something else (tables {', '.join(sorted(names)[:5])})",
-                expected="jshell's jobs",
-                remedy=remedy,
-            )
+        if strange:
+            raise BadStore(self.place, found=strange, expected="jshell's jobs", remedy=remedy)
 
     def _reach(self, url: sa.URL) -> sa.Engine:
         require_extra(url.get_dialect().driver, "service", "db")
@@ -228,7 +230,7 @@ class Database:
             # paths and names in quotation marks are nobody's business; "disk I/O error" is no path
             words = re.sub(r"(?<![\w.])(?!I/O\b)[\w.]*/\S+|\"[^\"]*\"", "…", words)
         remedy = "Check that it can be reached and written, then try again; nothing that was accepted is lost."
-        for mark, advice in _ADVICE:
+        for mark, advice in _ADVICE if self.sqlite else _ADVICE_OF_SERVERS:
             if mark in words:
                 remedy = f"{advice} Nothing that was accepted is lost."
         return StoreUnavailable(self.place, found=words, expected="a database that can be written", remedy=remedy)
@@ -242,6 +244,58 @@ _ADVICE = (
     ("unable to open", "Make the folder writable for this user, or name another file."),
     ("locked", "Another program holds it: end that program, then try again."),
 )
+_ADVICE_OF_SERVERS = (
+    ("No space left", "Free some space on its disk, then try again."),
+    ("read-only", "It only reads, as one that stands by for another does: name the one that writes."),
+)
+
+
+def parsed(url: str) -> sa.URL | None:
+    """The address of a database that there is a driver for; None where it is none."""
+    try:
+        found = make_url(url)
+        return None if found.get_dialect().is_async else found
+    except (exc.ArgumentError, ValueError):  # a port that is no number
+        return None
+
+
+def shown(url: str) -> str:
+    """An address as a message may repeat it."""
+    return repr(re.sub(r"(?<=:)[^:@/]+(?=@)", "***", url))
+
+
+def _no_address(found: str) -> BadValue:
+    return BadValue(
+        "db", found=found, expected="sqlite:///file.db or postgresql+psycopg://user@host/database",
+        remedy="Write sqlite:///jshell.db for a file in this folder.",
+    )  # fmt: skip
+
+
+def what_else(connection: sqlite3.Connection) -> str:
+    """What a file is if it is not jshell's; empty where it is, or where nothing is in it yet.
+
+    A name alone says little: another program's table may be called `jobs`, or `migrations`.
+    """
+    names = {name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+    if not names:
+        return ""
+    other = f"a database of something else (tables {', '.join(sorted(names)[:5])})"
+    columns = lambda name: {row[1] for row in connection.execute(f"PRAGMA table_info({name})")}  # noqa: E731
+    if not _columns(tables.migrations) <= columns("migrations"):
+        return other
+    last = connection.execute("SELECT max(number) FROM migrations").fetchone()[0]
+    if last is None:  # another server has begun it just now
+        return "" if names == {"migrations"} else other
+    if not isinstance(last, int) or last < 1:
+        return other
+    if last > len(tables.STEPS):
+        return ""  # a later jshell's, which is told elsewhere
+    made = [one for one in tables.metadata.sorted_tables if one is not tables.sessions or last == len(tables.STEPS)]
+    return "" if all(_columns(one) <= columns(one.name) for one in made) else other
+
+
+def _columns(table: sa.Table) -> set[str]:
+    return {column.name for column in table.columns}
 
 
 def _set(connection: sqlite3.Connection, pragma: str) -> None:
@@ -256,12 +310,12 @@ def _set(connection: sqlite3.Connection, pragma: str) -> None:
             time.sleep(0.01)
 
 
-def _tables_and_state(path: Path, mode: str) -> tuple[set[str], str]:
-    """Names of the tables in a file, and `ok` or what is wrong with it."""
+def _state(path: Path, mode: str) -> tuple[str, str]:
+    """`ok` or what is wrong with a file, and what else it is if it is not jshell's."""
     with contextlib.closing(sqlite3.connect(f"{path.absolute().as_uri()}?{mode}", uri=True)) as connection:
         connection.execute(f"PRAGMA busy_timeout = {int(1000 * PATIENCE)}").close()
-        names = {name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
-        return names, connection.execute("PRAGMA quick_check(1)").fetchone()[0]
+        strange = what_else(connection)
+        return connection.execute("PRAGMA quick_check(1)").fetchone()[0], strange
 
 
 def _refuse_network(path: Path) -> None:

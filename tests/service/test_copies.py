@@ -98,6 +98,65 @@ def test_two_copies_of_one_name_do_not_mix(tmp_path, monkeypatch):
     assert sorted(one.name for one in tmp_path.iterdir()) == ["copy", "jobs.db"]
 
 
+SPOILED = {
+    "DELETE FROM contents; DELETE FROM traces": "job .* whose traces are missing",
+    "UPDATE jobs SET state = 'done'": "job .* done, without a result",
+    "UPDATE jobs SET state = 'gone'": "job .* cannot be read",
+    "UPDATE jobs SET traces = '[[1]]'": "job .* cannot be read",
+    "UPDATE jobs SET specification = '{'": "job .* cannot be read",
+    "UPDATE jobs SET error = '5'": "job .* cannot be read",
+    "UPDATE contents SET content = 'text'": "not what it was",
+    "UPDATE traces SET name = CAST(x'ff' AS TEXT); UPDATE jobs SET id = CAST(x'ff' AS TEXT)": "sound copy",
+    "UPDATE migrations SET number = number + 1000": "a later jshell",
+    "DROP TABLE pulse": "something else",
+}
+FOREIGN = {
+    "no steps": "migrations (number, name, applied); CREATE TABLE jobs (state)",
+    "steps in words": "migrations (number, name, applied); INSERT INTO migrations VALUES ('first', 'a', 0)",
+    "other columns": "migrations (id, applied)",
+    "nothing of ours": "thesis (page)",
+}
+
+
+@pytest.mark.parametrize(("change", "words"), SPOILED.items(), ids=range(len(SPOILED)))
+def test_a_copy_that_lacks_what_its_jobs_name_is_not_sound(tmp_path, change, words):
+    path = tmp_path / "jobs.db"
+    with contextlib.closing(Store.open(f"sqlite:///{path}")) as store:
+        store.submit("fit", {}, [store.add_trace("a.csv", b"content").id])
+    copies.check(path)
+    with contextlib.closing(sqlite3.connect(path)) as connection, connection:
+        connection.executescript(change)
+    with pytest.raises(BadStore, match=words):
+        copies.check(path)
+
+
+@pytest.mark.parametrize("made", FOREIGN.values(), ids=FOREIGN)
+def test_a_file_of_another_program_is_told_as_that(tmp_path, made):
+    path = tmp_path / "other.db"
+    with contextlib.closing(sqlite3.connect(path)) as connection, connection:
+        connection.executescript(f"CREATE TABLE {made}")
+    for look in (copies.check, lambda path: Store.open(f"sqlite:///{path}")):
+        with pytest.raises(BadStore, match=r"something else \(tables"):
+            look(path)
+
+
+ODD = ["://", "foo://bar:baz/", "foo://u:secret@h/", "sqlite+aiosqlite:///x.db", "postgresql+none://h/db"]
+REFUSED = ["sqlite:///x.db?timeout=soon", "postgresql+psycopg:///db?host=/none&mood=good"]
+
+
+@pytest.mark.parametrize("db", ODD + REFUSED)
+def test_an_address_that_is_none_is_refused_in_words(tmp_path, monkeypatch, db):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(BadValue, match="sqlite:///") as found:
+        Store.open(db)
+    assert "secret" not in str(found.value)
+    assert not list(tmp_path.iterdir())
+    if db in ODD:
+        for attempt in (lambda: copies.backup(db, tmp_path / "copy"), lambda: copies.restore(tmp_path / "copy", db)):
+            with pytest.raises(BadValue, match="sqlite:///FILE"):
+                attempt()
+
+
 @pytest.mark.parametrize("db", ["postgresql+psycopg://jshell@db/jshell", "jshell.db", "sqlite://"])
 def test_what_is_no_file_is_copied_by_its_own_means(tmp_path, db):
     with pytest.raises(BadValue, match="pg_dump"):
