@@ -19,9 +19,10 @@ _TEXT = {200: {"description": "Prometheus' text format.", "content": {"text/plai
 def healthy(here: Here) -> dict[str, Any]:
     """200 where jobs can be taken, 503 where the database takes no write."""
     if not here.store.healthy():
-        raise StoreUnavailable(
-            "database", found="no write", expected="a write", remedy="Look whether its disk is full or read-only."
-        )
+        in_file = here.store.database.sqlite
+        disk = "its disk is full or read-only, or another program holds it"
+        remedy = f"Look whether {disk if in_file else 'PostgreSQL runs, can be reached, and has room on its disk'}."
+        raise StoreUnavailable("database", found="no write", expected="a write", remedy=remedy)
     return {"status": "ok", "version": jshell.__version__}
 
 

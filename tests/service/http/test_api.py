@@ -354,6 +354,16 @@ def test_modes_are_a_job(http):
     refused(http.get(f"{sent.headers['location']}.csv"), 409, "not_ready")
 
 
+def test_health_says_where_to_look(tmp_path, monkeypatch):
+    with listening(Settings(db=f"sqlite:///{tmp_path / 'jobs.db'}", warm=False)) as (address, store):
+        monkeypatch.setattr(store, "healthy", lambda: False)
+        for in_file, words in ((True, "disk is full or read-only"), (False, "PostgreSQL runs")):
+            monkeypatch.setattr(store.database, "sqlite", in_file)
+            found = refused(httpx.get(f"{address}/healthz", trust_env=False), 503, "store_unavailable")
+            assert words in found["remedy"]
+        monkeypatch.undo()
+
+
 def test_metrics_and_health(http):
     assert http.get("/healthz").json() == {"status": "ok", "version": jshell.__version__}
     text = http.get("/metrics").text
