@@ -15,7 +15,7 @@ import unicodedata
 from collections import Counter
 from collections.abc import Awaitable, Callable, MutableMapping
 from typing import Any
-from urllib.parse import quote, urlsplit
+from urllib.parse import quote
 
 from fastapi.security.utils import get_authorization_scheme_param
 from starlette.concurrency import run_in_threadpool
@@ -106,7 +106,7 @@ class Gate:
         path, address = scope["path"], (scope.get("client") or ("",))[0]
         at_door = bool(self.settings.token) and is_open(path) and scope["method"] not in SAFE
         most = DOOR if at_door else self._most(headers)
-        error = self._error(scope, headers, most) or await self._stranger(HTTPConnection(scope))
+        error = await self._refusal(scope, headers, most)
         if error is None and at_door and self.at_door[address] >= AT_DOOR:
             error = Refused(
                 "address", found=f"{AT_DOOR} requests without a token under way", expected="fewer at once",
@@ -138,6 +138,13 @@ class Gate:
                 del self.at_door[address]
         if counted.error is not None and not started:
             await self.refuse(scope, counted.error)(scope, receive, dressed)
+
+    async def _refusal(self, scope: Scope, headers: Headers, most: int) -> JshellError | None:
+        """Why a request goes no further; one whose headers nobody foresaw neither, with one record in the log."""
+        try:
+            return self._error(scope, headers, most) or await self._stranger(HTTPConnection(scope))
+        except Exception as fault:  # an outer edge, as the one above: headers come from strangers
+            return unforeseen(fault, scope["path"])
 
     def _error(self, scope: Scope, headers: Headers, most: int) -> JshellError | None:
         host = headers.get("host", "")
@@ -273,7 +280,7 @@ def _cross_site(headers: Headers, host: str) -> JshellError | None:
     """The refusal of a request that another site's page makes a browser send."""
     origin = headers.get("origin")
     site = headers.get("sec-fetch-site", "none")
-    strange = origin is not None and urlsplit(origin).netloc.lower() != host.lower()
+    strange = origin is not None and origin.partition("://")[2].lower() != host.lower()  # it has no path: RFC 6454
     if not strange and site in ("none", "same-origin"):
         return None
     return Refused(

@@ -31,7 +31,8 @@ def test_another_host_is_refused(http):
 
 def test_another_sites_page_can_change_nothing_and_read_nothing(http, quiet, recording):
     asked = {"traces": [recording], "seed": 301}
-    for headers in ({"Origin": "https://evil.example"}, {"Sec-Fetch-Site": "cross-site"}, {"Origin": "null"}):
+    strange = ("https://evil.example", "null", "http://[", "http://]", "//[", "", quiet.removeprefix("http://"))
+    for headers in ({"Sec-Fetch-Site": "cross-site"}, *({"Origin": one} for one in strange)):
         answer = http.post("/api/v1/fits", json=asked, headers=headers)
         assert answer.status_code == 403, headers
         assert answer.json()["code"] == "cross_site"
@@ -43,6 +44,24 @@ def test_another_sites_page_can_change_nothing_and_read_nothing(http, quiet, rec
     for answer in (asked_before, read):
         assert not [name for name in answer.headers if name.startswith("access-control")]
     assert read.headers["cross-origin-resource-policy"] == "same-origin"
+
+
+def test_a_header_that_nobody_foresaw_is_refused_with_one_record_in_the_log(http, monkeypatch, caplog):
+    def fails(*_: object) -> None:
+        raise ValueError("nobody thought of this header")
+
+    for name in ("_cross_site", "HTTPConnection"):
+        with monkeypatch.context() as broken:
+            broken.setattr(safety, name, fails)
+            caplog.clear()
+            for path in ("/api/v1/fits", "/fits"):
+                answer = http.post(path)
+                assert answer.status_code == 500, path
+                assert "an error of the service" in answer.text, path
+                assert "nobody thought" not in answer.text
+                assert answer.headers["x-content-type-options"] == "nosniff"
+            faults = [one.getMessage() for one in caplog.records if one.levelname == "ERROR"]
+            assert [one.split()[0] for one in faults] == ["error", "error"], caplog.text
 
 
 def test_pages_carry_the_headers_that_hold_scripts_back(http):
