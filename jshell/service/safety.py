@@ -40,7 +40,7 @@ OPEN = ("/healthz", "/login", "/static/")  # what needs no token
 SAFE = ("GET", "HEAD", "OPTIONS")
 LARGE = 2**20  # bytes of a body that is no form from which only some are read at the same time
 MAX_LARGE_BODIES = 8  # of these; the others wait in the network, and their time does not run
-DOOR = 4096  # bytes of a body that comes without a token
+DOOR = 4096  # bytes of a body where no token is asked for, whether the service has one or not
 AT_DOOR = 8  # of these from one address at the same time
 SLOWEST = 4096.0  # bytes a second that a body must bring, once it has had
 FIRST = 10.0  # [s] to begin
@@ -104,8 +104,8 @@ class Gate:
         if root and scope["path"].startswith(f"{root}/"):  # a proxy in front may take its own part away, or not
             scope = {**scope, "path": scope["path"][len(root) :], "raw_path": b""}
         path, address = scope["path"], (scope.get("client") or ("",))[0]
-        at_door = bool(self.settings.token) and is_open(path) and scope["method"] not in SAFE
-        most = DOOR if at_door else self._most(headers)
+        at_door = is_open(path) and scope["method"] not in SAFE
+        most = DOOR if is_open(path) else self._most(headers)
         error = await self._refusal(scope, headers, most)
         if error is None and at_door and self.at_door[address] >= AT_DOOR:
             error = Refused(
@@ -126,7 +126,7 @@ class Gate:
                 await dressed(message)
 
         try:
-            async with self.large_bodies if _is_large(headers) and not at_door else contextlib.nullcontext():
+            async with self.large_bodies if _is_large(headers) and not is_open(path) else contextlib.nullcontext():
                 # what looks is answered without its body, which the server leaves out by the scope it was given
                 asked = {**scope, "method": "GET"} if scope["method"] == "HEAD" else scope
                 await self.app(asked, counted, watched)

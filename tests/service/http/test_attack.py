@@ -94,6 +94,16 @@ def test_a_body_without_a_token_is_small_and_soon_there(line, browser, monkeypat
     assert refused.status_code == 401
 
 
+def test_a_body_at_the_door_is_small_also_where_there_is_no_token(http, browser):
+    kind = {"Content-Type": "application/x-www-form-urlencoded"}
+    for one in (http, browser):
+        assert one.post("/login", content=b"&" * 5000, headers=kind).status_code == 413
+        assert one.post("/login", content=(b"&" * 3000 for _ in range(2)), headers=kind).status_code == 413
+        assert one.post("/login", files={"token": b"&" * 5000}).status_code == 413
+        assert one.request("GET", "/healthz", content=b"&" * 5000).status_code == 413  # and whatever is asked there
+    assert http.post("/login", data={"token": "x"}).status_code == 401
+
+
 def test_only_some_bodies_without_a_token_come_from_one_address(line, browser, guarded, monkeypatch):
     monkeypatch.setattr(safety, "AT_DOOR", 1)
     line.sendall(LOGIN + b"Content-Length: 100\r\n\r\nt")
