@@ -6,9 +6,13 @@ import signal
 import socket
 from collections.abc import Callable
 from types import FrameType
+from typing import TYPE_CHECKING, Any
 
 from jshell.errors import BadValue, require_extra
 from jshell.service.settings import Settings
+
+if TYPE_CHECKING:
+    from uvicorn import Config
 
 HEADER = 16 * 1024  # bytes of a request's line and headers
 IDLE = 15  # seconds that a quiet connection is kept
@@ -35,7 +39,6 @@ def serve(settings: Settings, report: Callable[[str], None] | None = None) -> No
     import uvicorn
 
     from jshell.service.app import create_app
-    from jshell.service.connections import MOST, Connection
     from jshell.service.safety import check_open
     from jshell.service.store import Store
     from jshell.service.worker import Worker
@@ -45,17 +48,11 @@ def serve(settings: Settings, report: Callable[[str], None] | None = None) -> No
     store = Store.open(settings.db, queue=settings.queue, attempts=settings.attempts)
     try:
         worker = Worker(settings, store)
-        app = create_app(settings, store, worker)
-        config = uvicorn.Config(  # httptools is faster, but reads a header without end
-            app, http=Connection, log_level="warning", server_header=False, date_header=True, backlog=MOST,
-            h11_max_incomplete_event_size=HEADER, timeout_keep_alive=IDLE, timeout_graceful_shutdown=2, lifespan="on",
-            access_log=False, proxy_headers=settings.proxy is not None, forwarded_allow_ips=settings.proxy,
-        )  # fmt: skip
         _raise_limit()
         if report is not None:
             host, port = listening.getsockname()[:2]
             report(f"http://{f'[{host}]' if ':' in host else host}:{port}")
-        server = uvicorn.Server(config)
+        server = uvicorn.Server(configured(create_app(settings, store, worker), settings))
 
         def on_signal(sig: int, frame: FrameType | None) -> None:
             worker.stopping.set()  # from now on a process that dies was told to, too
@@ -68,6 +65,27 @@ def serve(settings: Settings, report: Callable[[str], None] | None = None) -> No
     finally:
         store.close()
         listening.close()
+
+
+def configured(app: Any, settings: Settings) -> "Config":
+    """How uvicorn is to serve an application of the service.
+
+    Its warnings are all of what strangers send, lines of any number that nobody can act on: they are left out. It
+    speaks no WebSocket, for whoever asks for one would leave the connections that are counted here.
+
+    Args:
+        app: The application.
+        settings: What the keeper chose.
+    """
+    from uvicorn import Config
+
+    from jshell.service.connections import MOST, Connection
+
+    return Config(  # httptools is faster, but reads a header without end
+        app, http=Connection, ws="none", log_level="error", server_header=False, date_header=True, backlog=MOST,
+        h11_max_incomplete_event_size=HEADER, timeout_keep_alive=IDLE, timeout_graceful_shutdown=2, lifespan="on",
+        access_log=False, proxy_headers=settings.proxy is not None, forwarded_allow_ips=settings.proxy,
+    )  # fmt: skip
 
 
 def _raise_limit() -> None:

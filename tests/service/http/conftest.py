@@ -16,7 +16,7 @@ import pytest
 import uvicorn
 
 from jshell.service.app import create_app
-from jshell.service.connections import Connection
+from jshell.service.server import configured
 from jshell.service.settings import Settings
 from jshell.service.store import Store
 
@@ -28,11 +28,8 @@ RECORDING = ROOT / "data" / "examples" / "attached_R_HW.csv"
 def listening(settings: Settings, port: int = 0) -> Iterator[tuple[str, Store]]:
     """A service in a thread, without a worker: jobs wait."""
     store = Store.open(settings.db, queue=settings.queue)
-    config = uvicorn.Config(
-        create_app(settings, store), port=port, log_level="critical", http=Connection,
-        h11_max_incomplete_event_size=16384, proxy_headers=settings.proxy is not None,
-        forwarded_allow_ips=settings.proxy,
-    )  # fmt: skip
+    config = configured(create_app(settings, store), settings)
+    config.port = port
     server = uvicorn.Server(config)
     thread = threading.Thread(target=server.run, daemon=True)
     thread.start()

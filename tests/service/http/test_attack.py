@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import logging
 import socket
 import subprocess
 import sys
@@ -112,6 +113,29 @@ def test_only_some_bodies_without_a_token_come_from_one_address(line, browser, g
         other.sendall(LOGIN + b"Content-Length: 7\r\n\r\ntoken=x")
         assert b"429" in other.recv(4096).split(b"\r\n")[0]
     assert browser.post("/login", data={"token": "x"}).status_code == 401  # from elsewhere
+
+
+STRANGE = (
+    b"GET / HTTP/1.1\r\nHost: localhost\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n"
+    b"Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: eA==\r\n\r\n",
+    b"GET / HTTP/1.1\r\nHost: localhost\r\nConnection: Upgrade\r\nUpgrade: h2c\r\n\r\n",
+    b"no request\r\n\r\n",
+    b"GET / HTTP/9.9\r\n\r\n",
+    b"\x16\x03\x01 what begins TLS\r\n\r\n",
+    b"GET / HTTP/1.1\r\nX: " + b"x" * 20_000,
+)
+
+
+@pytest.mark.parametrize("sent", STRANGE)
+def test_what_strangers_send_leaves_no_line_in_the_log(line, sent, caplog):
+    log = logging.getLogger("uvicorn.error")
+    log.addHandler(caplog.handler)
+    try:
+        line.sendall(sent)
+        assert line.recv(4096).split(b"\r\n")[0].split()[1] in (b"303", b"400", b"421")
+    finally:
+        log.removeHandler(caplog.handler)
+    assert [one.getMessage() for one in caplog.records if one.levelname != "INFO"] == []
 
 
 def test_guesses_of_an_address_come_to_an_end_and_nobody_else_waits(browser, guarded):
