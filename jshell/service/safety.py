@@ -24,6 +24,7 @@ from starlette.requests import HTTPConnection
 
 from jshell.errors import BadValue, JshellError
 from jshell.service import sessions
+from jshell.service.connections import ADMITTED
 from jshell.service.database import Database
 from jshell.service.problems import Refused, unforeseen
 from jshell.service.settings import LOCAL, MAX_BODY_BYTES, Settings
@@ -115,6 +116,8 @@ class Gate:
         if error is not None:
             await self.refuse(scope, error)(scope, receive, dressed)
             return
+        if not is_open(path):
+            scope.setdefault("state", {})[ADMITTED] = True  # its connection may read slowly, and is the last to go
         counted = _Counted(receive, most, FIRST if at_door else self.settings.arrival, _is_form(headers))
         started = False
         self.at_door[address] += at_door

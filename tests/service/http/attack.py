@@ -7,6 +7,7 @@ import contextlib
 import json
 import os
 import re
+import select
 import selectors
 import socket
 import subprocess
@@ -24,6 +25,7 @@ import numpy as np
 RECORDING = Path(__file__).parents[3] / "data" / "examples" / "attached_R_HW.csv"
 TOKEN = "a-long-random-token-of-the-group"
 HEAD = b"POST /login HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/x-www-form-urlencoded\r\n"
+STATIC = b"GET /static/uPlot.iife.min.js HTTP/1.1\r\nHost: localhost\r\n\r\n"
 CLIENTS = 8
 WATCH = 30.0  # [s] that the attackers stay
 
@@ -64,24 +66,32 @@ def asked(address: str, seconds: float) -> tuple[list[float], list[int]]:
 
 
 def attacked(port: int) -> dict:
-    """Half headers, silence, slow bodies, wrong tokens: how long each was borne."""
+    """Half headers, silence, slow bodies, answers that nobody reads, wrong tokens: how long each was borne."""
     begun: dict[str, list[socket.socket]] = {
         "half headers": [_line(port, b"GET / HTTP/1.1\r\nHost: localhost\r\nX-1: ") for _ in range(200)],
         "silent": [_line(port, b"") for _ in range(600)],
         "slow bodies": [_line(port, HEAD + b"Content-Length: 4000\r\n\r\n") for _ in range(20)],
         "slow chunked bodies": [_line(port, HEAD + b"Transfer-Encoding: chunked\r\n\r\n") for _ in range(20)],
     }
+    unread = {line.fileno(): line for line in (_line(port, STATIC * 20, 4096) for _ in range(200))}
+    errors = select.poll()
+    for line in unread:
+        errors.register(line, 0)
     start = time.monotonic()
     with ThreadPoolExecutor(101) as pool:
         pending = [pool.submit(_guess, port) for _ in range(100)]
         many = pool.submit(_ampersands, port)
-        gone: dict[str, list[float]] = {name: [] for name in begun}
+        gone: dict[str, list[float]] = {name: [] for name in (*begun, "unread")}
         watched = selectors.DefaultSelector()
         for name, lines in begun.items():
             for line in lines:
                 watched.register(line, selectors.EVENT_READ, name)
         last = 0.0
-        while watched.get_map() and time.monotonic() - start < WATCH:
+        while (watched.get_map() or unread) and time.monotonic() - start < WATCH:
+            for number, _ in errors.poll(0):
+                gone["unread"].append(time.monotonic() - start)
+                errors.unregister(number)
+                unread.pop(number).close()
             for key, _ in watched.select(0.2):
                 line: socket.socket = key.fileobj  # pyright: ignore[reportAssignmentType]
                 with contextlib.suppress(OSError):
@@ -100,15 +110,20 @@ def attacked(port: int) -> dict:
     statuses = {status: [s for s, _ in guesses].count(status) for status in {s for s, _ in guesses}}
     return {
         "gone": {name: [len(times), round(max(times, default=0.0), 1)] for name, times in gone.items()},
-        "left": len(watched.get_map() or ()),
+        "left": len(watched.get_map() or ()) + len(unread),
         "guesses": statuses,
         "longest guess": round(max(took for _, took in guesses), 2),
         "33 MB of &": many.result(),
     }
 
 
-def _line(port: int, first: bytes) -> socket.socket:
-    line = socket.create_connection(("127.0.0.1", port), 30)
+def _line(port: int, first: bytes, held: int = 0) -> socket.socket:
+    """A line on which something is said; `held` bytes of the answer are all that this end takes unread."""
+    line = socket.socket()
+    line.settimeout(30)
+    if held:
+        line.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, held)
+    line.connect(("127.0.0.1", port))
     line.sendall(first)
     line.setblocking(False)
     return line

@@ -3,6 +3,7 @@
 import contextlib
 import json
 import logging
+import select
 import socket
 import subprocess
 import sys
@@ -83,6 +84,78 @@ def test_the_silent_of_a_crowded_address_give_way_and_who_asks_stays(guarded, mo
         lines = [held.enter_context(socket.create_connection(("127.0.0.1", port), 10)) for _ in range(8)]
         assert all(dropped(one) < 5 for one in lines[:3])
         assert http.get("/healthz").status_code == 200
+
+
+STATIC = b"GET /static/uPlot.iife.min.js HTTP/1.1\r\nHost: localhost\r\n\r\n"
+
+
+@pytest.fixture
+def large(guarded) -> bytes:
+    """A request, with the token, for what the system holds only in parts."""
+    trace = guarded[1].add_trace("large.csv", bytes(1_000_000)).id
+    head = f"GET /api/v1/traces/{trace}/content HTTP/1.1\r\nHost: localhost\r\nAuthorization: Bearer {TOKEN}\r\n"
+    return (head + "Connection: close\r\n\r\n").encode()
+
+
+def narrow(port: int, sent: bytes, held: int = 4096) -> socket.socket:
+    """A line that takes little before it is read, and what was asked on it."""
+    made = socket.socket()
+    made.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, held)
+    made.connect(("127.0.0.1", port))
+    made.sendall(sent)
+    return made
+
+
+def reset(line: socket.socket, seconds: float = 5.0) -> bool:
+    """Whether a line that nobody reads is dropped within this time."""
+    asked = select.poll()
+    asked.register(line, 0)  # errors alone
+    return bool(asked.poll(1000 * seconds))
+
+
+@pytest.mark.parametrize(("known", "limit"), [(False, "READ"), (True, "READ_KNOWN")])
+def test_who_does_not_read_its_answer_is_dropped(guarded, large, monkeypatch, known, limit):
+    monkeypatch.setattr(connections, limit, 0.1)
+    with narrow(urlsplit(guarded[0]).port, large if known else STATIC * 8) as line:
+        assert reset(line)
+
+
+def test_who_reads_a_large_answer_slowly_gets_all_of_it(guarded, large, monkeypatch):
+    monkeypatch.setattr(connections, "READ_KNOWN", 0.15)
+    monkeypatch.setattr(connections, "RATE", 1e5)
+    begun, found = time.monotonic(), 0
+    with narrow(urlsplit(guarded[0]).port, large, 30_000) as line:
+        line.settimeout(5)
+        while part := line.recv(20_000):
+            found += len(part)
+            time.sleep(0.01)
+    assert time.monotonic() - begun > connections.READ_KNOWN
+    assert found > 1_000_000
+
+
+@pytest.mark.parametrize("known", [False, True])
+def test_who_holds_lines_gives_way_to_who_comes_with_the_token(guarded, large, monkeypatch, known):
+    monkeypatch.setattr(connections, "MOST", 8)
+    monkeypatch.setattr(connections, "READ", 0.0 if known else 60.0)  # they go for others, not for their silence
+    port = urlsplit(guarded[0]).port
+    asked = f"GET /api/v1/fits HTTP/1.1\r\nHost: localhost\r\nAuthorization: Bearer {TOKEN}\r\n\r\n".encode()
+    monkeypatch.setattr(connections, "YOUNG", 0.0)
+
+    def served(line: socket.socket) -> bool:
+        line.sendall(asked)
+        return b" 200 " in line.recv(65536)[:20]
+
+    with contextlib.ExitStack() as held:
+        made = lambda: held.enter_context(socket.create_connection(("127.0.0.1", port), 5))  # noqa: E731
+        lines = [held.enter_context(narrow(port, large if known else STATIC * 8)) for _ in range(10)]
+        regular, until = made(), time.monotonic() + 5
+        assert served(regular)
+        while not any(reset(one, 0.001) for one in lines):
+            with socket.create_connection(("127.0.0.1", port), 5) as new:
+                assert served(new)
+            assert time.monotonic() < until
+        if not known:  # who has shown the token keeps its line, and is served on it
+            assert served(regular)
 
 
 def test_a_body_without_a_token_is_small_and_soon_there(line, browser, monkeypatch):
