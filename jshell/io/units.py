@@ -47,7 +47,13 @@ _MORE = (
 )
 _OTHERS = frozenset(_MORE.split()) | {*LOGARITHMS}
 _LEGAL = re.compile(r"[^\W\d][\w µ°.*/^()\-]{0,39}")
-_LARGE_POWER = re.compile(r"(\^|\*\*)\s*[-(]*\s*\d{2}")  # m^99999 would keep pint busy for good
+# Powers of powers, and of ten and more, would keep pint busy for good: `m^99999`, `s**9**9**9`, `square cubic km`.
+_MARK = r"(?:\^|\*\*|\b(?:square|squared|cubic|cubed|sq)\b)"
+_DIGIT = r"-?\s*\d(?:\.\d{1,3})?"
+_EXPONENT = rf"\s*(?:\^|\*\*)\s*(?:{_DIGIT}|\(\s*{_DIGIT}(?:\s*/\s*[1-9])?\s*\))(?![\w.(])(?!\s*{_MARK})"
+_POWERS = re.compile(_MARK)
+_OF_NAME = re.compile(rf"(?<=[^\W\d_]|°){_EXPONENT}")
+_OF_BRACKET = re.compile(rf"(?<=\)){_EXPONENT}|\b(?:square|cubic|sq) [^\W\d_]+(?!\s*{_MARK})| (?:squared|cubed)\b")
 _LOWER = frozenset(unit for unit in _OTHERS if len(unit) > 3 and unit == unit.lower())  # words in capitals
 # An angle is no dimension to pint, so that Hz and rad/s would be one: frequencies stay without unit.
 _DIMENSIONS = {
@@ -151,7 +157,7 @@ def _known(written: str) -> tuple[str, float] | None:
 @functools.lru_cache(maxsize=64)
 def _uncommon(unit: str) -> tuple[str, float] | None:
     """Dimension and SI factor of a unit by pint; None where it knows none, or is not installed."""
-    if not _LEGAL.fullmatch(unit) or _LARGE_POWER.search(unit):
+    if not _LEGAL.fullmatch(unit) or not _is_tame(unit):
         return None
     registry = _registry()
     if registry is None:
@@ -167,6 +173,14 @@ def _uncommon(unit: str) -> tuple[str, float] | None:
     except SPOILED:  # pint's own errors are among them, and it lets Python's through
         return None
     return None if zero != 0 or not one > 0 else (dimension, one)
+
+
+def _is_tame(unit: str) -> bool:
+    """Whether its powers are single digits of names, or one of a bracket or in words: pint evaluates all of them."""
+    if any(letter.isnumeric() and not letter.isascii() for letter in unit):  # pint reads m⁹⁹ as a power, too
+        return False
+    bare = _OF_NAME.sub("", unit)
+    return not _POWERS.search(bare) or (bare == unit and not _POWERS.search(_OF_BRACKET.sub("", unit, count=1)))
 
 
 @functools.lru_cache(maxsize=1)

@@ -62,6 +62,12 @@ def test_an_uncommon_but_legal_unit_is_read_as_its_definition_says(tmp_path, uni
         ("mine [2 mm]", "the unit '2 mm'"),
         ("mine [m^99999999]", "the unit 'm"),
         ("mine [m^(99999999)]", "the unit 'm"),
+        # a power of a power has more digits than a memory holds: none of these is evaluated
+        ("mine [s**9**9**9]", "the unit 's"),
+        ("mine [s^(9^9^9)]", "the unit 's"),
+        ("mine [((km^9)^9)^9]", "."),
+        ("mine [km⁹⁹⁹⁹⁹⁹⁹⁹⁹]", "the unit 'km"),
+        ("mine [sq square cubic km cubed]", "the unit 'sq square"),
         ("mine [1/0]", "the unit '1/0'"),
         ("mine [mm^]", "the unit 'mm"),
         ("mine [a.b.c((]", "the unit"),
