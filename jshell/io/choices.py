@@ -13,8 +13,10 @@ from typing import Any
 import numpy as np
 
 from jshell.errors import BadName, BadValue, choose
+from jshell.io.files import brief
 
 ROWS = "rows"
+MOST_ROWS = 10**12  # more than any file has; iterators of C count no further than 2^63
 _NEXT = re.compile(r",(?=[^,=]*=)")  # a comma that another `name=` follows: names of columns may hold commas
 
 
@@ -33,7 +35,7 @@ class Reading:
 
     Raises:
         BadName: No such choice of `missing`; a column that stands for two names.
-        BadValue: A rate that is no positive number; rows that end before they begin.
+        BadValue: A rate that is no positive number; rows that end before they begin, or that no file has.
 
     Example:
         >>> from jshell.io import Reading
@@ -53,11 +55,12 @@ class Reading:
         if self.rate is not None and not 0 < self.rate < np.inf:
             raise BadValue("rate", found=f"{self.rate}", expected="samples per second", remedy="Give a number above 0.")
         low, high = self.rows
-        if (low is not None and low < 1) or (high is not None and high < (low or 1)):
+        first, last = 1 if low is None else low, MOST_ROWS if high is None else high
+        if not 1 <= first <= last <= MOST_ROWS:
             raise BadValue(
                 "rows",
-                found=f"{low} to {high}",
-                expected="first and last row, counted from 1",
+                found=brief(f"{low} to {high}"),
+                expected="first and last row, counted from 1 to at most 10^12",
                 remedy="Write `12:400`.",
             )
         taken = [str(one) for one in self.columns.values()]
@@ -109,7 +112,7 @@ class Reading:
     def by_place(self) -> bool:
         """Whether all columns are named by their places, so that the file need not name them."""
         named = list(self.columns.values())
-        return bool(named) and all(one.isdigit() for one in named)
+        return bool(named) and all(one.isdecimal() for one in named)
 
 
 def _pairs(name: str, given: Mapping[str, Any] | str | None) -> dict[str, Any]:
@@ -131,7 +134,7 @@ def _pairs(name: str, given: Mapping[str, Any] | str | None) -> dict[str, Any]:
 
 def _span(text: str) -> tuple[int | None, int | None]:
     low, mark, high = (part.strip() for part in text.partition(":"))
-    if not mark or any(part and not part.isdigit() for part in (low, high)):
+    if not mark or any(part and not (part.isdecimal() and len(part) < 20) for part in (low, high)):
         raise BadValue(
             "rows", found=repr(text[:60]), expected="`FIRST:LAST`", remedy="Write `12:400`, `12:` or `:400`."
         )

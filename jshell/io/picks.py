@@ -26,10 +26,9 @@ def find(sheet: Sheet, name: str, wanted: str) -> int:
                 expected="one",
                 remedy=f"Name it by its place: {places}.",
             )
-    if wanted.isdigit():
-        for k in range(len(sheet.names)):
-            if number(sheet, k) == int(wanted):
-                return k
+    for k in range(len(sheet.names)):
+        if str(number(sheet, k)) == wanted.lstrip("0"):
+            return k
     raise BadName(
         f"columns, {name}={brief(wanted)}",
         found=f"no such column of numbers in {sheet.file}",

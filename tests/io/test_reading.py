@@ -112,6 +112,13 @@ def test_a_refusal_names_a_remedy_that_works_when_it_is_followed(text, words, sa
         ({"rows": "a:b"}, BadValue, "rows: found 'a:b'"),
         ({"rows": "9:3"}, BadValue, "rows: found 9 to 3"),
         ({"rows": "77:"}, BadFile, "no complete row"),
+        # whole numbers that meet C, and digits that are none of a number
+        ({"rows": (1, 10**20)}, BadValue, "rows: found 1 to 1000"),
+        ({"rows": f"{2**63}:"}, BadValue, "rows: found 9223"),
+        ({"rows": "1:" + "9" * 5000}, BadValue, "rows: found '1:999"),
+        ({"rows": "1:²"}, BadValue, "rows: found '1:²'"),
+        ({"columns": "t=1,V=²"}, BadName, "no such column"),
+        ({"columns": "t=1,V=" + "9" * 5000}, BadName, "no such column"),
         ({"missing": "guess"}, BadName, "no such missing"),
         ({"colums": "t=1"}, BadName, "no such field"),
     ],

@@ -75,6 +75,15 @@ def test_options_and_conditions_in_a_form_are_as_strict(http, options, words):
         assert words in found.text
 
 
+def test_rows_beyond_any_file_are_refused_by_api_and_page(http, recording):
+    for rows in ([1, 10**20], [2**63, None], f"1:{10**20}"):
+        reading = json.dumps({"rows": rows})
+        found = http.post("/api/v1/traces", files={"file": ("a.csv", b"t,V\n0,1\n1,2\n")}, data={"reading": reading})
+        assert (found.status_code, found.json()["code"]) == (422, "bad_value"), found.text
+    asked = {"trace": recording, "rows": f"1:{10**20}"}
+    assert http.post("/traces/settle", data=asked).status_code == 422
+
+
 def test_the_page_without_a_trace_asks_for_one(http):
     for data in ({}, {"seed": "1"}, {"trace": []}):
         found = http.post("/fits", data=data)
