@@ -23,6 +23,7 @@ from jshell.service.store import JobRow
 from jshell.service.web import drawing
 from jshell.service.web.fits import common, handed_in
 from jshell.service.web.forms import PageForm, Sent, validated
+from jshell.service.web.new import without_traces
 from jshell.service.web.series import Plot, compared, thinned
 from jshell.service.web.templates import shown
 
@@ -66,6 +67,8 @@ def submit(request: Request, here: Here, asked: Sent) -> Response:
 
 
 def _configured(request: Request, here: Service, asked: PageForm, status: int) -> Response:
+    if not asked.traces:
+        return without_traces(request, here)
     looks = [inspected(here.store, trace) for trace in asked.traces]
     traces = [one.trace for _, one in looks]
     # in SI where the files have units, or say nothing of the shell

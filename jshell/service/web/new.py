@@ -159,8 +159,7 @@ def _unsay_usual_channels(here: Service, asked: PageForm) -> None:
 def configured(request: Request, here: Service, asked: PageForm, status: int) -> Response:
     """The form of a fit of chosen traces; without any, the page where they are handed in."""
     if not asked.traces:
-        error = BadValue("traces", found="none", expected="at least one", remedy="Choose a file first.")
-        return shown(request, "upload.html", {"error": error, "limit": here.settings.upload}, 422)
+        return without_traces(request, here)
     names, looks = _looks(here, asked.traces)
     if any(one.trace.conditions is None for one in looks):
         return onward(True, asked.traces)
@@ -191,6 +190,12 @@ def configured(request: Request, here: Service, asked: PageForm, status: int) ->
         "lone": len(looks) == 1 and loss == "modal" and not any(asked.role(name) == "fixed" for name in SYMBOLS),
     }
     return shown(request, "new.html", given, status)
+
+
+def without_traces(request: Request, here: Service) -> Response:
+    """The page where files are handed in, for a form that came without any."""
+    error = BadValue("traces", found="none", expected="at least one", remedy="Choose a file first.")
+    return shown(request, "upload.html", {"error": error, "limit": here.settings.upload}, 422)
 
 
 def _looks(here: Service, traces: Sequence[str]) -> tuple[list[str], list[TraceContent]]:

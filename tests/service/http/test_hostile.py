@@ -2,6 +2,7 @@
 
 import json
 import logging
+from itertools import product
 from pathlib import Path
 
 import httpx
@@ -85,9 +86,10 @@ def test_rows_beyond_any_file_are_refused_by_api_and_page(http, recording):
 
 
 def test_the_page_without_a_trace_asks_for_one(http):
-    for data in ({}, {"seed": "1"}, {"trace": []}):
-        found = http.post("/fits", data=data)
-        assert found.status_code == 422
+    empty = ({}, {"seed": "1"}, {"trace": []}, {"role.radius": "asked"})
+    for address, data in product(("/fits", "/inversions"), empty):
+        found = http.post(address, data=data)
+        assert found.status_code == 422, address
         assert "Choose a file first" in found.text
     assert http.post("/traces/conditions", data={}).status_code in (303, 422)
 
