@@ -77,14 +77,14 @@ def _options(form: PageForm) -> FilmOptions:
     Raises:
         BadValue: No number, or one outside its meaning.
     """
-    asked: dict[str, Any] = {name: float(form.number(name)) for name in NUMBERS if form.text(name)}
+    asked: dict[str, Any] = {name: form.number(name) for name in NUMBERS if form.text(name)}
     if form.text("pixel"):
         asked["pixel"] = MILLIMETRE * form.number("pixel")
     if form.text("find") or form.text("axis"):
-        asked["axis"] = None if form.text("find") else float(form.number("axis"))
+        asked["axis"] = None if form.text("find") else form.number("axis")
     asked |= {name: True for name in ("bright", "section") if form.text(name)}
     if any(form.text(name) for name in HOLDER):
-        asked["holder"] = tuple(int(form.number(name)) for name in HOLDER)
+        asked["holder"] = tuple(form.number(name) for name in HOLDER)
     return validated(FilmOptions, asked, "Correct the field.")
 
 

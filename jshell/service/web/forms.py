@@ -111,7 +111,7 @@ class PageForm:
         """`free`, `fixed` or `local`."""
         return self.fields.get(f"role.{name}", "free")
 
-    def bounds(self, name: str) -> tuple[float | int | None, float | int | None]:
+    def bounds(self, name: str) -> tuple[float | None, float | None]:
         """The lowest and the highest value of a parameter, where they are said."""
         low, high = (self.number(end) if self.text(end) else None for end in (f"low.{name}", f"high.{name}"))
         return low, high
@@ -176,22 +176,21 @@ class PageForm:
     @property
     def time_factor(self) -> float:
         """How many of the form's unit of time are one dimensionless unit."""
-        return (float(self.number("time_factor")) if self.text("time_factor") else 1.0) or 1.0
+        return (self.number("time_factor") if self.text("time_factor") else 1.0) or 1.0
 
     def time(self, name: str) -> float:
         """A dimensionless time, from a field in the unit that the form shows."""
-        return float(self.number(name)) / self.time_factor
+        return self.number(name) / self.time_factor
 
-    def number(self, name: str) -> float | int:
-        """The number in a field; a decimal comma is understood."""
+    def number(self, name: str) -> float:
+        """The number in a field; a decimal comma is understood, and the schema tells which must be whole."""
         text = self.text(name).strip().replace(",", ".").replace("−", "-")
         if not NUMBER.fullmatch(text):
             raise BadValue(
                 f"field {name}", found=repr(text) if text else "nothing", expected="a number",
                 remedy="Write it, or choose free.",
             )  # fmt: skip
-        value = float(text)
-        return int(value) if name in ("starts", "seed") and value.is_integer() else value
+        return float(text)
 
 
 def read(given: ImmutableMultiDict[Any, Any]) -> PageForm:

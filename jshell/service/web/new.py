@@ -205,11 +205,11 @@ def _looks(here: Service, traces: Sequence[str]) -> tuple[list[str], list[TraceC
 
 def _previewed(asked: PageForm, looks: Sequence[TraceContent]) -> Preview:
     fix = {
-        name: float(asked.number(f"value.{name}"))
+        name: asked.number(f"value.{name}")
         for name in SYMBOLS
         if asked.role(name) == "fixed" and asked.text(f"value.{name}")
     }
-    ends = {name: float(asked.time(name)) for name in ("start", "stop") if asked.text(name)}
+    ends = {name: asked.time(name) for name in ("start", "stop") if asked.text(name)}
     return preview(
         [one.trace for one in looks],
         asked.text("loss") or None,

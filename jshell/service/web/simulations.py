@@ -153,7 +153,4 @@ def _asked(form: PageForm) -> SimulateRequest:
         BadValue: No number, or one outside its meaning.
     """
     names = [name for name in SimulateRequest.model_fields if name != "model" and form.text(name)]
-    numbers = {name: form.number(name) for name in names}
-    if "elements" in numbers:
-        numbers["elements"] = int(numbers["elements"])
-    return validated(SimulateRequest, numbers, "Move the slider.")
+    return validated(SimulateRequest, {name: form.number(name) for name in names}, "Move the slider.")

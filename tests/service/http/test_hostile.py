@@ -94,6 +94,18 @@ def test_the_page_without_a_trace_asks_for_one(http):
     assert http.post("/traces/conditions", data={}).status_code in (303, 422)
 
 
+@pytest.mark.parametrize("number", ["1e999", "-1e999", "24.7", "1e300"])
+def test_a_number_of_a_form_that_is_not_whole_is_not_made_so(http, recording, number):
+    look = http.post("/looks", data={"film": recording}).headers["location"].rpartition("/")[2]
+    asked = {"look": look, "top": "1", "bottom": "50", "left": "1", "right": "50"}
+    for name in ("top", "bottom", "left", "right"):
+        assert http.post("/films", data=asked | {name: number}).status_code == 422, name
+    for address in ("/simulations", "/modes"):
+        assert http.post(address, data={"elements": number}).status_code == 422, address
+    for address, more in (("/simulations", {"elements": "24.0"}), ("/films", asked | {"top": "2.0"})):
+        assert http.post(address, data=more).status_code == 303, address
+
+
 def test_a_form_in_another_alphabet_is_refused(http):
     part = b'--x\r\nContent-Disposition: form-data; name="trace"\r\n\r\n\\ud800\r\n--x--\r\n'
     for charset in ("unicode_escape", "undefined", "utf-7"):
