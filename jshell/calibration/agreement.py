@@ -110,7 +110,8 @@ def refuse_rest(volume: float, plateau: float, values: Float[np.ndarray, " times
 
 def rests_elsewhere(volume: float | np.ndarray, plateau: float | np.ndarray) -> Bool[np.ndarray, "..."]:
     """Whether rest volumes are too far from the plateau law's for the record to be of that shell."""
-    return np.asarray(np.abs(np.asarray(volume) / np.asarray(plateau) - 1) > REST_BOUND)
+    with np.errstate(all="ignore"):  # a load may leave nothing of a shell
+        return np.asarray(np.abs(np.asarray(volume) / np.asarray(plateau) - 1) > REST_BOUND)
 
 
 def holder(trace: Trace, number: int, *, inverted: bool) -> str | None:

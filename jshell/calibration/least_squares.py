@@ -296,7 +296,8 @@ def best_of(solution: SolverResult, size: float) -> tuple[int, np.ndarray]:
     ended = (outcome == Outcome.OK) | (outcome == Outcome.AT_BOUND)
     ranked = np.where(np.isfinite(cost), cost, np.inf)
     best = int(np.argmin(np.where(ended, ranked, np.inf))) if ended.any() else int(np.argmin(ranked))
-    same = ended & (ranked - ranked[best] <= 1e-7 * ranked[best] + 1e-16 * size)
+    with np.errstate(invalid="ignore"):  # of starts that all ended nowhere
+        same = ended & (ranked - ranked[best] <= 1e-7 * ranked[best] + 1e-16 * size)
     first = int(np.argmax(same)) if same.any() else best  # of equals the first, which comes from the data
     return first, same
 

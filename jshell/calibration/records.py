@@ -16,12 +16,14 @@ from jshell.calibration.options import choices_of
 from jshell.calibration.sampling import sampling
 from jshell.errors import BadName, BadValue, RangeWarning
 from jshell.oscillator.simulate import is_buckled
+from jshell.shell.elasticity import SPHERE_VOLUME
 from jshell.shell.parameters import Reduced
 from jshell.shell.rest import RestState, buckled_state, gas_pressure
 from jshell.trace import Trace
 
 EQUILIBRIA = tuple(choices_of("equilibrium"))
 REST_TOLERANCE = 0.01
+CRUSHED = 1e-3 * SPHERE_VOLUME  # volume at rest below which nothing is left to oscillate: the walls touch long before
 
 
 class Record(eqx.Module):
@@ -54,6 +56,11 @@ def rest_state(trace: Trace, offset: float | None, equilibrium: str, number: int
         offset: Volume the trace settles to, where it has one.
         equilibrium: `plateau` or `trace`.
         number: Of the trace, for messages.
+
+    Raises:
+        BadName: No channel V for the rest state of the trace.
+        BadValue: No buckled state, or one without a volume.
+        UnusableData: A trace that rests elsewhere.
     """
     conditions = trace.conditions
     assert conditions is not None
@@ -70,6 +77,13 @@ def rest_state(trace: Trace, offset: float | None, equilibrium: str, number: int
             found="no buckled rest state by the plateau law at this load",
             expected="an outer pressure above the plateau",
             remedy=_remedy(conditions),
+        )
+    if standing and float(plateau.volume) < CRUSHED:
+        raise BadValue(
+            f"trace {number}",
+            found=f"a rest volume of {float(plateau.volume):.3g} [R0³] by the plateau law: the load crushes the shell",
+            expected=f"at least {CRUSHED:.3g}, a gas that holds against the outer pressure",
+            remedy="Check both pressures and their units.",
         )
     if equilibrium == "trace" and offset is None:
         raise BadName(

@@ -86,6 +86,7 @@ def fit_trajectories(
     Raises:
         BadName: An option, channel or constant that does not exist here.
         BadValue: A trace without conditions, buckled state or, for beta1, viscosity.
+        NotOk: No start led to numbers that are finite.
     """
     options = _options(options, locals())
     cut = windowed(traces, options.start, options.stop, drop=options.drop, missing=options.missing)

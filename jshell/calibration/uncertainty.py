@@ -11,6 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from jshell.errors import NotOk, Outcome
+
 # Below this ratio of singular values a direction is free: exact Jacobians leave 1e-15 there.
 SINGULAR = 1e-9
 LOOSE = 0.5  # a direction known to no better than this part of the constants is free for every purpose
@@ -58,6 +60,9 @@ def uncertainty(
         absolute: The weights are known errors; else the covariance is scaled by the reduced χ².
         prior: (priors, parameters) further rows of the Jacobian, in standard errors that are known: never scaled.
         variance: Variance of the weighted residual where the reduced χ² is not it (robust fits).
+
+    Raises:
+        NotOk: A residual or a derivative that is not finite: there is no minimum.
     """
     J, p = np.asarray(jacobian), np.asarray(values, dtype=float)
     total = J.shape[0] if count is None else count
@@ -67,10 +72,13 @@ def uncertainty(
     if prior is not None and len(prior):
         J = np.vstack([J, prior * np.sqrt(spread)])
 
-    length = np.linalg.norm(J, axis=0)
-    no_effect = ~(length > 0)
-    scale = np.where(no_effect, 1.0, length)
-    rows = np.vstack([J / scale, np.zeros((max(0, p.size - J.shape[0]), p.size))])
+    with np.errstate(all="ignore"):
+        length = np.linalg.norm(J, axis=0)
+        no_effect = ~(length > 0)
+        scale = np.where(no_effect, 1.0, length)
+        rows = np.vstack([J / scale, np.zeros((max(0, p.size - J.shape[0]), p.size))])
+    if not (np.isfinite(chi_square) and np.all(np.isfinite(rows))):
+        raise NotOk("fit", Outcome.NOT_FINITE)
     _, s, vt = np.linalg.svd(rows, full_matrices=False)
     free = s <= SINGULAR * s[0]
     inverse = np.where(free, 0.0, 1 / np.where(free, 1.0, s))

@@ -8,8 +8,9 @@ import pytest
 import jshell as js
 from jshell.calibration import fit_batch, fit_trajectories
 from jshell.calibration.nonlinear import fit_nonlinear
-from jshell.errors import BadValue, Outcome, UnusableData
+from jshell.errors import BadValue, NotOk, Outcome, UnusableData
 from jshell.oscillator import SOURCE, random_shell, random_trace, simulate
+from jshell.service.preview import preview
 from jshell.shell import SPHERE_AREA, SPHERE_VOLUME
 
 pytestmark = pytest.mark.filterwarnings("ignore::jshell.errors.RangeWarning", "ignore::UserWarning")
@@ -77,6 +78,21 @@ def test_a_run_that_made_no_numbers_says_why():
     trace = simulate(sphere, SOURCE, initial=(-0.1, 0.05, 0.0, 0.0), times=np.linspace(0.0, 40.0, 101))
     with pytest.raises(BadValue, match=r"no_buckled_state.*raise the outer pressure"):
         js.fit(trace)
+
+
+@pytest.mark.parametrize("load", [{"gas_pressure": 1e-320}, {"gas_pressure": 1e-300}, {"outer_pressure": 1e308}])
+@pytest.mark.parametrize("equilibrium", ["plateau", "trace"])
+def test_a_load_that_leaves_nothing_of_the_shell_is_named(ring, load, equilibrium):
+    crushed = changed(ring, conditions=ring.conditions.replace(**load))
+    with pytest.raises(BadValue, match="the load crushes the shell"):
+        fit_trajectories(crushed, equilibrium=equilibrium)
+    assert any("the load crushes the shell" in note for note in preview([crushed], equilibrium=equilibrium).notes)
+
+
+@pytest.mark.long
+def test_a_fit_whose_numbers_are_not_finite_says_so(ring):
+    with pytest.raises(NotOk, match="not_finite"):
+        fit_trajectories(changed(ring, conditions=ring.conditions.replace(gas_pressure=1e300)), equilibrium="trace")
 
 
 def test_a_gauge_pressure_is_named(ring):

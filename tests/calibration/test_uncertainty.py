@@ -9,7 +9,8 @@ import pytest
 
 from jshell.calibration import compare, fit_trajectories
 from jshell.calibration.profile import profile
-from jshell.errors import BadName, BadValue, MissingExtra, Outcome
+from jshell.calibration.uncertainty import uncertainty
+from jshell.errors import BadName, BadValue, MissingExtra, NotOk, Outcome
 from jshell.trace import Trace
 
 pytestmark = [
@@ -200,3 +201,9 @@ def test_the_other_minimum_of_a_modal_fit_is_told(trace, shell):
     assert found.outcome == Outcome.OK
     ended = [start for start in found.starts if not start.agrees]
     assert bool(ended) == any("another minimum" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_numbers_that_are_not_finite_have_no_errors(bad):
+    with pytest.raises(NotOk, match="not_finite"):
+        uncertainty(np.array([[1.0], [bad]]), np.ones(2), np.ones(1), absolute=True)
