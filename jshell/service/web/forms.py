@@ -4,7 +4,8 @@ Every field is optional and has the library's default, so that the form posts
 without JavaScript, and a link can hold all of it.
 """
 
-from collections.abc import AsyncIterator, Mapping, Sequence
+import re
+from collections.abc import AsyncIterator, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Any, TypeVar
 
@@ -15,9 +16,9 @@ from starlette.datastructures import ImmutableMultiDict
 
 from jshell.calibration.option_texts import read_texts
 from jshell.calibration.options import OPTIONS, FitOptions, choices_of, default_of, described
-from jshell.errors import BadValue, JshellError
+from jshell.errors import BadValue, JshellError, NotFound
 from jshell.io.sheets import NUMBER
-from jshell.service.problems import of_validation
+from jshell.service.problems import brief, of_validation
 from jshell.service.safety import clean_name
 from jshell.service.schemas import FitRequest
 from jshell.service.store import JobRow
@@ -42,6 +43,8 @@ CONDITIONS = {
 CHOICES = tuple(name for name in OPTIONS if choices_of(name))  # options that are a choice among names
 TEXTS = ("drop", "priors")  # options that are written as in the terminal, several with commas between
 STRICT_ONLY = ("solver", "beta2", "dipole")
+IDS = ("id", "trace", "before", "look", "film", "kept")  # parts of an address, and fields, that name what is kept
+ID = re.compile(r"[0-9a-f]{8,64}")  # as the API has it
 MOST_FILES = 200  # of a form; as many traces
 LONGEST = 200  # characters of a field
 
@@ -193,8 +196,34 @@ class PageForm:
         return float(text)
 
 
+def check_ids(given: Iterable[tuple[str, Any]]) -> None:
+    """Refuse identifiers of another form than any has, before a database is asked: not every one takes all letters.
+
+    Raises:
+        NotFound: Naming the first.
+    """
+    for name, text in given:
+        if name in IDS and isinstance(text, str) and text and not ID.fullmatch(text.strip()):
+            raise NotFound(
+                name,
+                found=brief(text),
+                expected="the identifier of a job or a trace",
+                remedy="See the list at /.",
+            )
+
+
+async def ids_checked(request: Request) -> None:
+    """Of every address of the page."""
+    check_ids([*request.path_params.items(), *request.query_params.multi_items()])
+
+
 def read(given: ImmutableMultiDict[Any, Any]) -> PageForm:
-    """The form that a browser sent, or what of it stands in an address."""
+    """The form that a browser sent, or what of it stands in an address.
+
+    Raises:
+        NotFound: An identifier of another form than any has.
+    """
+    check_ids(given.multi_items())
     texts = [(name, text.strip()[:LONGEST]) for name, text in given.multi_items() if isinstance(text, str)]
     listed = lambda wanted: [text for name, text in texts if name == wanted]  # noqa: E731
     files = [(name, file) for name, file in given.multi_items() if not isinstance(file, str)]

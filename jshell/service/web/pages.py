@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Annotated, Any
 from urllib.parse import quote
 
-from fastapi import APIRouter, FastAPI, Form, Request, Response
+from fastapi import APIRouter, Depends, FastAPI, Form, Request, Response
 from fastapi.responses import HTMLResponse, RedirectResponse
 from fastapi.staticfiles import StaticFiles
 from starlette.concurrency import run_in_threadpool
@@ -16,6 +16,7 @@ from jshell.service.problems import KINDS, Kind, Refused, headers_of
 from jshell.service.safety import COOKIE
 from jshell.service.state import Here
 from jshell.service.web import films, fits, inversions, new, settle, simulations
+from jshell.service.web.forms import ids_checked
 from jshell.service.web.templates import shown
 
 STATIC = Path(__file__).parent / "static"
@@ -27,7 +28,7 @@ def mount(app: FastAPI) -> None:
     """Give an application its page."""
     app.mount("/static", StaticFiles(directory=STATIC), name="static")
     for part in (router, new.router, settle.router, films.router, fits.router, inversions.router, simulations.router):
-        app.include_router(part)
+        app.include_router(part, dependencies=[Depends(ids_checked)])
 
 
 def sorry(request: Request, error: JshellError, kind: Kind) -> Response:

@@ -4,6 +4,7 @@ import json
 import logging
 from itertools import product
 from pathlib import Path
+from urllib.parse import unquote
 
 import httpx
 import numpy as np
@@ -104,6 +105,34 @@ def test_a_number_of_a_form_that_is_not_whole_is_not_made_so(http, recording, nu
         assert http.post(address, data={"elements": number}).status_code == 422, address
     for address, more in (("/simulations", {"elements": "24.0"}), ("/films", asked | {"top": "2.0"})):
         assert http.post(address, data=more).status_code == 303, address
+
+
+@pytest.mark.long
+def test_an_identifier_that_no_database_takes_is_not_found(cluster):
+    settings = Settings(db=cluster.database(), warm=False)
+    with listening(settings) as (address, _), httpx.Client(base_url=address, timeout=30, trust_env=False) as client:
+        for odd in ("%00", "a%00b", "A" * 300):
+            for path in (
+                "/fits/{}", "/?before={}", "/fits/new?trace={}", "/traces/settle?trace={}", "/films/{}/trace.svg",
+                "/simulations/{}", "/inversions/new?trace={}", "/traces/conditions?trace={}", "/fits/{}/fit.svg",
+            ):  # fmt: skip
+                assert client.get(path.format(odd)).status_code == 404, path
+            assert client.post(f"/fits/{odd}/cancel").status_code == 404
+            for path in ("/fits", "/looks", "/films", "/traces/settle", "/traces/conditions", "/inversions"):
+                sent = {"trace": unquote(odd), "film": unquote(odd), "look": unquote(odd), "kept": unquote(odd)}
+                assert client.post(path, data=sent).status_code == 404, path
+
+
+def test_an_identifier_of_another_form_never_reaches_the_database(http, monkeypatch):
+    def fail(*_):
+        raise AssertionError
+
+    monkeypatch.setattr(Store, "job", fail)
+    monkeypatch.setattr(Store, "trace", fail)
+    for path in ("/fits/%00", "/simulations/a%00b", "/fits/new?trace=%00", "/traces/settle?trace=no"):
+        assert http.get(path).status_code == 404, path
+    for path in ("/fits", "/looks", "/films", "/traces/settle", "/traces/conditions", "/fits/%00/cancel"):
+        assert http.post(path, data={"trace": "\x00", "film": "\x00", "look": "\x00"}).status_code == 404, path
 
 
 def test_a_form_in_another_alphabet_is_refused(http):
