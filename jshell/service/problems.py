@@ -113,23 +113,32 @@ def headers_of(error: JshellError) -> dict[str, str]:
 def of_validation(errors: Sequence[Any]) -> JshellError:
     """The first thing that a request's schema refuses, as an error of the library's kind."""
     first = errors[0]
-    place = ".".join(str(part) for part in first.get("loc", ("request",))) or "request"
+    place, error = _place(first) or "request", (first.get("ctx") or {}).get("error")
+    if isinstance(error, JshellError):  # the library's own refusal, which a validator let through
+        place = brief(f"{place}, {error.place}")
+        return Refused(place, found=brief(error.found), expected=error.expected, remedy=error.remedy, code=error.code)
     code = {"extra_forbidden": "bad_name", "json_invalid": "bad_request"}.get(str(first.get("type")), "bad_value")
     return Refused(
         place,
         found=brief(first.get("input")) if "input" in first else "nothing",
-        expected=brief(str(first.get("msg", "another value"))),
+        expected=_cause(first) or "another value",
         remedy="See the API's page at /api.",
         code=code,
     )
 
 
+def _place(one: Any) -> str:
+    return brief(".".join(str(part) for part in one.get("loc", ())))
+
+
+def _cause(one: Any) -> str:
+    """What a schema says of a value, without the kind of exception that a validator raised."""
+    return brief(str(one.get("msg", "")).removeprefix("Value error, "))
+
+
 def listed(errors: Sequence[Any]) -> list[dict[str, str]]:
     """Every thing that a schema refuses: place and cause."""
-    return [
-        {"place": ".".join(str(part) for part in one.get("loc", ())), "cause": brief(str(one.get("msg", "")))}
-        for one in errors[:20]
-    ]
+    return [{"place": _place(one), "cause": _cause(one)} for one in errors[:20]]
 
 
 def of_status(status: int, detail: object, path: str) -> JshellError:
