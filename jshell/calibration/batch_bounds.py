@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from jshell.calibration.parameters import check_value
 from jshell.errors import BadValue, choose
 
 NAMES = ("alpha1", "alpha2", "k_vs", "tau")
@@ -55,11 +56,14 @@ def box_of(loss: str, fix: Mapping[str, float], bounds: Mapping[str, tuple[float
     for i, name in enumerate(NAMES):
         least, most = (fix[name], fix[name]) if name in fix else bounds.get(name, WIDEST[i])
         positive = name != "k_vs"
-        if not (least < most or name in fix) or (positive and not (most > 0)) or not np.isfinite(fix.get(name, 1.0)):
+        if name in fix:
+            check_value(f"fix[{name!r}]", name, fix[name], positive=positive)
+        elif not least < most or (positive and not most > WIDEST[i][0]):
             raise BadValue(
                 f"bounds or fix of {name!r}",
                 found=f"({least:g}, {most:g})",
-                expected="lowest < highest, and room above 0 for a positive parameter",
+                expected="lowest < highest, and room above 0 for a positive parameter"
+                + (f", for {name} above {WIDEST[i][0]:g}" if positive else ""),
                 remedy="Check the order.",
             )
         if positive:

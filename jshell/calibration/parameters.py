@@ -30,6 +30,9 @@ _OPERATIONS = {
     ast.Div: operator.truediv,
     ast.Pow: operator.pow,
 }
+SMALLEST, LARGEST = 1e-12, 1e12  # sizes of a parameter: far beyond, a square or a quotient is no number any more
+MAY_VANISH = frozenset({"beta1", "beta2", "viscosity"})  # of the positive ones: a shell without damping
+_TRIES = 12  # of a tie
 _FUNCTIONS = {"sqrt": jnp.sqrt, "exp": jnp.exp, "log": jnp.log}
 
 
@@ -51,7 +54,10 @@ class Expression:
         self._names(tree)
 
     def __call__(self, known: Mapping[str, jax.Array]) -> jax.Array:
-        return jnp.asarray(self._value(ast.parse(self.text.strip(), mode="eval").body, known), dtype=float)
+        try:
+            return jnp.asarray(self._value(ast.parse(self.text.strip(), mode="eval").body, known), dtype=float)
+        except (ArithmeticError, RecursionError, TypeError):  # of its numbers alone: 1/0, 9**9**9, (-8)**0.5
+            raise self._refused(f"{self.text[:60]!r}, which has no value") from None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -243,20 +249,24 @@ def unknowns(
             remedy="Leave one out of `fix`.",
         )
     for name, value in fix.items():
-        if not np.isfinite(value) or (name in positive and value < 0):
-            expected = f"a finite number{' of at least 0' if name in positive else ''} for {name}"
-            raise BadValue(f"fix[{name!r}]", found=f"{value:g}", expected=expected, remedy="Check sign and unit.")
+        check_value(f"fix[{name!r}]", name, value, positive=name in positive)
+    ties = _in_order(names, tie)
+    for name, given in ties:
+        if isinstance(given, Expression):
+            _check_tie(name, given, positive=name in positive)
 
     low, high, negative = [], [], {name for name in squared if fix.get(name, 0.0) < 0}
     for name in free:
         least, most = bounds.get(name, (-np.inf, np.inf))
-        if not least < most or (name in positive and most <= 0):
+        if not least < most or least >= LARGEST or most <= (SMALLEST if name in positive else -LARGEST):
             raise BadValue(
                 f"bounds[{name!r}]",
                 found=f"({least:g}, {most:g})",
-                expected="lowest < highest, and room above 0 for a positive parameter",
+                expected="lowest < highest, and room above 0 for a positive parameter, at sizes of "
+                f"{SMALLEST:g} to {LARGEST:g}",
                 remedy="Check the order.",
             )
+        least, most = -np.inf if least < -LARGEST else least, np.inf if most > LARGEST else most
         if name in positive:
             least, most = (np.log(least) if least > 0 else -np.inf), np.log(most)
         if name in squared:
@@ -268,7 +278,44 @@ def unknowns(
         high.append(most)
     fixed = np.array([float(fix.get(name, 1.0)) ** (2 if name in squared else 1) for name in names])
     ends = np.array(low), np.array(high)
-    return Unknowns(names, free, positive, fixed, *ends, _in_order(names, tie), squared, frozenset(negative))
+    return Unknowns(names, free, positive, fixed, *ends, ties, squared, frozenset(negative))
+
+
+def check_value(place: str, name: str, value: float, *, positive: bool) -> None:
+    """Refuse a value that a parameter cannot have.
+
+    Raises:
+        BadValue: Not finite, of no bearable size, or not above 0 where it must be.
+    """
+    if not _can_be(name, value, positive):
+        zero = "0, or " if positive and _base(name) in MAY_VANISH else ""
+        low = SMALLEST if positive else -LARGEST
+        expected = f"{zero}{low:g} to {LARGEST:g} for {name}"
+        raise BadValue(place, found=f"{value:g}", expected=expected, remedy="Check sign and unit.")
+
+
+def _base(name: str) -> str:
+    return name.partition("[")[0]
+
+
+def _can_be(name: str, value: float, positive: bool) -> bool:
+    low = SMALLEST if positive else -LARGEST
+    return low <= value <= LARGEST or (value == 0 and _base(name) in MAY_VANISH)
+
+
+def _check_tie(name: str, tie: Expression, *, positive: bool) -> None:
+    """Refuse a tie that gives its parameter, whatever the others are, no value that it can have."""
+    random = np.random.default_rng(0)
+    for _ in range(_TRIES):
+        sizes = np.exp(random.uniform(-2.5, 2.5, len(tie.names)))
+        known = {
+            one: jnp.asarray(size if _base(one) != "k_vs" or random.random() < 0.5 else -size)
+            for one, size in zip(tie.names, sizes, strict=True)
+        }
+        value = float(tie(known))
+        if _can_be(name, value, positive):
+            return
+    check_value(f"tie[{name!r}], {tie.text[:60]}", name, value, positive=positive)
 
 
 def check_parameters(place: str, given: Iterable[str], names: tuple[str, ...]) -> None:

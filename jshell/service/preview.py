@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from jshell.calibration.data import chosen_channels, filled, windowed
+from jshell.calibration.joint import POSITIVE
+from jshell.calibration.parameters import check_value
 from jshell.calibration.records import Record, record, rest_state
 from jshell.calibration.starts import ModePair, find_modes, first_start
 from jshell.errors import JshellError
@@ -55,6 +57,8 @@ def preview(
     Raises:
         JshellError: What the fit itself would refuse of the traces.
     """
+    for name, value in (fix or {}).items():
+        check_value(f"fix[{name!r}]", name, value, positive=name.partition("[")[0] in POSITIVE)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         cut = windowed(traces, start, stop)

@@ -8,7 +8,6 @@ import math
 import re
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-import jax.numpy as jnp
 from pydantic import (
     AfterValidator,
     BaseModel,
@@ -21,9 +20,9 @@ from pydantic import (
 )
 from typing_extensions import TypedDict  # pydantic needs this one below Python 3.12
 
+from jshell.calibration.joint import POSITIVE
 from jshell.calibration.options import CONDITIONS, CONSTANTS, OPTIONS, choices_of, default_of, words_of
-from jshell.calibration.parameters import Expression
-from jshell.errors import BadValue
+from jshell.calibration.parameters import Expression, check_value, unknowns
 from jshell.inversion.response import CHANNELS
 from jshell.inversion.unknowns import SI
 from jshell.membrane.stability import HIGHEST_ORDER
@@ -75,20 +74,11 @@ def _ordered(pair: tuple[float | None, float | None]) -> tuple[float | None, flo
 Bounds = Annotated[tuple[Number | None, Number | None], AfterValidator(_ordered)]
 
 
-def _can_be(text: str) -> str:
-    """A tie as it came, once it has been tried on a few values: a worker would only find out later."""
-    try:
-        tie = Expression(text)
-        for name in tie.names:
-            if not re.fullmatch(CONSTANT, name):
-                raise ValueError(f"{name!r} is no constant of the model: {', '.join(CONSTANTS)}")
-        found = [float(tie({name: jnp.asarray(value) for name in tie.names})) for value in (0.73, 1.37, 2.9)]
-    except BadValue as error:
-        raise ValueError(f"found {error.found}; expected {error.expected}") from None
-    except (ArithmeticError, RecursionError, MemoryError) as error:
-        raise ValueError(f"it has no value: {str(error) or type(error).__name__}") from None
-    if not any(map(math.isfinite, found)):
-        raise ValueError(f"it has no finite value: {found[0]}")
+def _arithmetic(text: str) -> str:
+    """A tie as it came, once it has been read: a worker would only find out later."""
+    for name in Expression(text).names:
+        if not re.fullmatch(CONSTANT, name):
+            raise ValueError(f"{name!r} is no constant of the model: {', '.join(CONSTANTS)}")
     return text
 
 
@@ -107,7 +97,7 @@ _MANY: dict[str, Any] = {"default_factory": dict, "max_length": 100}
 _WIRE: dict[str, tuple[Any, dict[str, Any]]] = {  # what may come over the wire of an option, and how much of it
     "fix": (dict[Constant, Number], _MANY),
     "bounds": (dict[Constant, Bounds], _MANY),
-    "tie": (dict[Constant, Annotated[Text, AfterValidator(_can_be)]], _MANY),
+    "tie": (dict[Constant, Annotated[Text, AfterValidator(_arithmetic)]], _MANY),
     "local": (list[Constant | Condition], {"default_factory": list, "max_length": 20}),
     "uncertain": (dict[Condition, Positive | None], {"default_factory": dict}),
     "priors": (dict[Constant, _PRIOR], _MANY),
@@ -150,6 +140,26 @@ class FitRequest(Options):
 
     traces: list[Id] = Field(min_length=1, max_length=10_000, description="Identifiers that POST /traces gave.")
 
+    @model_validator(mode="after")
+    def _agrees(self) -> "FitRequest":
+        """What the library refuses of any record is refused at once."""
+        asked: Any = self
+        ties = {name: Expression(text) for name, text in asked.tie.items()}
+        read = {name for tie in ties.values() for name in tie.names}
+        lost = {"strict": ("tau",), "modal": ("beta1", "beta2")}.get(asked.loss or "", ())
+        for name in (*asked.fix, *asked.bounds, *asked.priors, *ties, *read):
+            base, _, number = name.removesuffix("]").partition("[")
+            if base in lost:
+                raise ValueError(f"{name} is no constant of the loss {asked.loss}")
+            if number and (int(number) > len(self.traces) or base not in (*asked.local, "tau")):
+                raise ValueError(f"{name} is no constant here: of {len(self.traces)} traces, or it is not local")
+        names = tuple(dict.fromkeys([*CONSTANTS, *asked.fix, *asked.bounds, *ties, *read]))
+        positive = frozenset(name for name in names if name.partition("[")[0] in POSITIVE)
+        ends = {name: (-math.inf if low is None else low, math.inf if high is None else high)
+                for name, (low, high) in asked.bounds.items()}  # fmt: skip
+        unknowns(names, positive, asked.fix, ends, asked.tie)
+        return self
+
 
 class BatchOptions(Wire):
     """The options of `jshell.calibration.fit_batch`."""
@@ -163,6 +173,13 @@ class BatchOptions(Wire):
     bounds: dict[Literal["alpha1", "alpha2", "k_vs", "tau"], Bounds] = Field(default_factory=dict)
     starts: Whole = Field(0, ge=0, le=20)
     seed: Whole = Field(0, ge=0, le=2**31 - 1)
+
+    @model_validator(mode="after")
+    def _can_be(self) -> "BatchOptions":
+        """As of a single fit."""
+        for name, value in self.fix.items():
+            check_value(f"fix[{name!r}]", name, value, positive=name in POSITIVE)
+        return self
 
 
 class Conditions(Wire):

@@ -61,7 +61,39 @@ def test_a_tie_that_cannot_be_is_refused_when_it_comes(http, recording, tie):
     assert "tie" in found.json()["place"]
 
 
-@pytest.mark.parametrize("tie", ["0.3*alpha2", "sqrt(alpha2) - 1/k_vs", "1/log(alpha2)", "alpha2**2", "-alpha2"])
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"fix": {"alpha1": 0}}, {"fix": {"alpha1": 1e-320}}, {"fix": {"alpha1": -1}}, {"tie": {"alpha1": "0"}},
+        {"tie": {"alpha1": "-alpha2"}}, {"tie": {"alpha1": "alpha1"}},
+        {"tie": {"alpha1": "alpha2", "alpha2": "alpha1"}},
+        {"tie": {"alpha1": "alpha2[99999]"}}, {"tie": {"alpha1": "tau"}, "loss": "strict"}, {"fix": {"alpha1[5]": 1}},
+        {"fix": {"alpha1": 1}, "tie": {"alpha1": "alpha2"}}, {"bounds": {"alpha1": [-1e12, -1e11]}},
+    ],
+)  # fmt: skip
+def test_wishes_that_cannot_be_are_refused_when_they_come(http, recording, more):
+    found = http.post(FITS, json={"traces": [recording], **more})
+    assert (found.status_code, found.json()["code"]) == (422, "bad_value"), found.text
+    assert "Value error" not in found.text
+    if set(more) == {"fix"} and "alpha1" in more["fix"]:
+        options = {"files": {"files": ("a.csv", b"t,V\n")}, "data": {"options": json.dumps(more)}}
+        assert http.post("/api/v1/batches", **options).json()["place"].startswith("options")
+
+
+def test_a_long_name_is_not_repeated(http, recording):
+    found = http.post(FITS, json={"traces": [recording], "x" * 10**5: 1})
+    assert (found.status_code, found.json()["code"]) == (422, "bad_name")
+    assert len(found.content) < 2000
+
+
+def test_a_preview_refuses_the_value_of_a_constant_as_the_fit_does(http, recording):
+    asked = {"trace": recording, "loss": "modal", "role.alpha1": "fixed", "value.alpha1": "0"}
+    found = http.get("/fits/new", params=asked)
+    assert found.status_code == 200
+    assert "1e-12 to 1e+12 for alpha1" in found.text
+
+
+@pytest.mark.parametrize("tie", ["0.3*alpha2", "sqrt(alpha2) - 1/k_vs", "1/log(alpha2)", "alpha2**2", "k_vs - alpha2"])
 def test_a_tie_that_can_be_is_taken(http, recording, tie):
     assert http.post(FITS, json={"traces": [recording], "tie": {"alpha1": tie}}).status_code in (200, 202)
 
