@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from jshell.calibration.data import chosen_channels, filled, windowed
-from jshell.calibration.joint import POSITIVE
 from jshell.calibration.parameters import check_value
+from jshell.calibration.problem import POSITIVE
 from jshell.calibration.records import Record, record, rest_state
 from jshell.calibration.starts import ModePair, find_modes, first_start
 from jshell.errors import JshellError

@@ -20,9 +20,9 @@ from pydantic import (
 )
 from typing_extensions import TypedDict  # pydantic needs this one below Python 3.12
 
-from jshell.calibration.joint import POSITIVE
 from jshell.calibration.options import CONDITIONS, CONSTANTS, OPTIONS, choices_of, default_of, words_of
 from jshell.calibration.parameters import Expression, check_value, unknowns
+from jshell.calibration.problem import POSITIVE
 from jshell.inversion.response import CHANNELS
 from jshell.inversion.unknowns import SI
 from jshell.membrane.stability import HIGHEST_ORDER
