@@ -92,7 +92,7 @@ def batch(**change) -> bytes:
     shapes = {"values": 5, "stderr": 5, "omega": 2, "state": 6, "rest": 2, "start": 4, "memory": 2, "omega_stderr": 2}
     rows = {field.name: np.zeros(3) for field in dataclasses.fields(BatchResult) if field.type is np.ndarray}
     rows |= {name: np.zeros((3, width)) for name, width in shapes.items()} | {"outcome": np.zeros(3, int)}
-    made = BatchResult(**rows, free_directions=(), absolute=True)
+    made = BatchResult(**rows, free_directions=(), absolute=True)  # pyright: ignore
     for name, value in change.items():
         object.__setattr__(made, name, value)
     return batches.pack_result(made)
