@@ -4,6 +4,9 @@ Rooms and names are loaded when they are first used, so that a terminal's help
 and a script that reads one file need not wait for JAX.
 """
 
+from jshell import starting as starting  # first: a service may be told to stop while the rest is imported
+
+# isort: split
 from typing import TYPE_CHECKING
 
 from jshell import emitters, precision, programs, threads

@@ -31,26 +31,28 @@ def begun(url: str, log: Path, *options: str) -> subprocess.Popen:
 
 
 def starts(times: int, seed: int) -> dict:
-    """Started, and told to end after 0 to 2 s, counted from where Python has begun: before that nobody can listen."""
-    chance, codes, log = random.Random(seed), {}, b""
+    """Started, and told to end after 0 to 2 s from then on; apart those told before Python was at our first line."""
+    chance, log = random.Random(seed), b""
+    codes: dict[int, int] = {}
+    before: dict[int, int] = {}
     with tempfile.TemporaryDirectory() as folder:
         for _ in range(times):
             process = begun(f"sqlite:///{folder}/jobs.db", Path(folder) / "log")
-            with contextlib.suppress(FileNotFoundError):
-                while b"TERM" not in _caught(process.pid) and process.poll() is None:
-                    time.sleep(0.001)
             time.sleep(chance.uniform(0.0, 2.0))
+            counted = codes if _catches(process.pid) else before
             process.send_signal(signal.SIGTERM)
             code = process.wait(60)
-            codes[code] = codes.get(code, 0) + 1
+            counted[code] = counted.get(code, 0) + 1
         log = (Path(folder) / "log").read_bytes()
-    return {"codes": codes, "tracebacks": log.count(b"Traceback")}
+    return {"codes": codes, "before": before, "tracebacks": log.count(b"Traceback")}
 
 
-def _caught(process: int) -> bytes:
-    """`TERM` once a process listens to that signal."""
-    mask = int(Path(f"/proc/{process}/status").read_text().split("SigCgt:")[1].split()[0], 16)
-    return b"TERM" if mask >> (signal.SIGTERM - 1) & 1 else b""
+def _catches(process: int) -> bool:
+    """Whether a process listens to the signal that tells it to end."""
+    with contextlib.suppress(FileNotFoundError):
+        mask = int(Path(f"/proc/{process}/status").read_text().split("SigCgt:")[1].split()[0], 16)
+        return bool(mask >> (signal.SIGTERM - 1) & 1)
+    return False
 
 
 def restarts(url: str, jobs: int, kills: int, seed: int) -> dict:
