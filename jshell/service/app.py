@@ -13,6 +13,7 @@ from python_multipart.multipart import parse_options_header
 from starlette import formparsers
 from starlette.formparsers import MultiPartParser
 from starlette.requests import Request
+from starlette.routing import Match
 
 import jshell
 from jshell.oscillator import SOURCE, decay_by_law
@@ -68,7 +69,9 @@ def create_app(settings: Settings, store: Store, worker: Worker | None = None) -
     pages.mount(app)
     render_errors(app, pages.sorry)
     refuse = lambda scope, error: rendered(Request(scope), error, pages.sorry)  # noqa: E731
-    app.add_middleware(safety.Gate, settings=settings, database=store.database, refuse=refuse)
+    at = lambda path: {"type": "http", "method": "GET", "path": path, "headers": []}  # noqa: E731
+    own = lambda path: any(one.matches(at(path))[0] is not Match.NONE for one in app.routes)  # noqa: E731
+    app.add_middleware(safety.Gate, settings=settings, database=store.database, refuse=refuse, own=own)
     app.add_middleware(Counted, metrics=service.metrics)
     app.openapi = lambda: _described(app)  # pyright: ignore[reportAttributeAccessIssue]
     return app

@@ -46,9 +46,14 @@ def files(job: JobRow) -> dict[str, str]:
     return {suffix: address(job, f".{suffix}") for suffix in KINDS[job.kind].files} if job.state == "done" else {}
 
 
-def shown(job: JobRow) -> dict[str, Any]:
-    """A job as the API shows it; fields of `JobOut`."""
-    links = {"self": address(job), "page": page(job)} | files(job)
+def shown(job: JobRow, root: str) -> dict[str, Any]:
+    """A job as the API shows it; fields of `JobOut`.
+
+    Args:
+        job: What is shown.
+        root: Where a proxy in front shows the service: what its addresses begin with.
+    """
+    links = {name: root + there for name, there in {"self": address(job), "page": page(job), **files(job)}.items()}
     return {name: getattr(job, name) for name in JobOut.model_fields if name != "links"} | {
         "traces": list(job.traces),
         "specification": finite(dict(job.specification)),
@@ -160,15 +165,15 @@ def profile_of(store: Store, job: JobRow) -> Mapping[str, Any] | None:
         return None
 
 
-def with_result(store: Store, job: JobRow) -> dict[str, Any]:
-    """A job with its result, as the API shows it."""
+def with_result(store: Store, job: JobRow, root: str) -> dict[str, Any]:
+    """A job with its result, as the API shows it; `root` as for `shown`."""
     if job.state != "done":
-        return shown(job) | {"result": None}
+        return shown(job, root) | {"result": None}
     if job.kind == "fit":
         found = fit_result(store, job.id).record() | {"profile": profile_of(store, job)}
     else:
         found = found_by(store, job)
-    return shown(job) | {"result": finite(found)}
+    return shown(job, root) | {"result": finite(found)}
 
 
 def title(store: Store, job: JobRow) -> str:

@@ -87,10 +87,13 @@ class Gate:
         settings: Names, token and limits.
         database: Knows the sessions of browsers.
         refuse: Makes of an error the answer.
+        own: Whether an address is one of the service's.
     """
 
-    def __init__(self, app: App, settings: Settings, database: Database, refuse: Refuse) -> None:
-        self.app, self.settings, self.database, self.refuse = app, settings, database, refuse
+    def __init__(
+        self, app: App, settings: Settings, database: Database, refuse: Refuse, own: Callable[[str], bool]
+    ) -> None:
+        self.app, self.settings, self.database, self.refuse, self.own = app, settings, database, refuse, own
         self.hosts = {host.lower().strip("[]") for host in settings.allowed_hosts}
         self.large_bodies = asyncio.Semaphore(MAX_LARGE_BODIES)
         self.at_door: Counter[str] = Counter()
@@ -101,9 +104,8 @@ class Gate:
             return
         headers = Headers(scope=scope)
         dressed = self._dressed(send)
-        root = self.settings.root_path
-        if root and scope["path"].startswith(f"{root}/"):  # a proxy in front may take its own part away, or not
-            scope = {**scope, "path": scope["path"][len(root) :], "raw_path": b""}
+        if (inner := self._inner(scope["path"])) != scope["path"]:
+            scope = {**scope, "path": inner, "raw_path": b""}
         path, address = scope["path"], (scope.get("client") or ("",))[0]
         at_door = is_open(path) and scope["method"] not in SAFE
         most = DOOR if is_open(path) else self._most(headers)
@@ -141,6 +143,19 @@ class Gate:
                 del self.at_door[address]
         if counted.error is not None and not started:
             await self.refuse(scope, counted.error)(scope, receive, dressed)
+
+    def _inner(self, path: str) -> str:
+        """An address without the part that a proxy in front may take away, or not.
+
+        An address of ours may begin like that part, as `/fits/new` below `/fits`: it stays where the rest is none.
+        """
+        root = self.settings.root_path
+        while root and path.startswith(f"{root}/"):
+            rest = path[len(root) :]
+            if self.own(path) and not self.own(rest):
+                break
+            path = rest
+        return path
 
     async def _refusal(self, scope: Scope, headers: Headers, most: int) -> JshellError | None:
         """Why a request goes no further; one whose headers nobody foresaw neither, with one record in the log."""

@@ -43,4 +43,4 @@ def measure(
         if grid is not None and grid.filename:
             given.append(Upload.of(clean_name(grid.filename), grid.file.read()))
             asked["grid"] = True
-        return accepted(here.store.submit("film", asked, given, key))
+        return accepted(here, here.store.submit("film", asked, given, key))

@@ -42,29 +42,31 @@ for _status, _text in _WORDS.items():
     ACCEPTED[_status] |= {"description": _text, "model": JobOut}
 
 
-def accepted(submission: Submission) -> JSONResponse:
+def accepted(here: Here, submission: Submission) -> JSONResponse:
     """202 for a job made just now, 200 for one that was there."""
     job = submission.job
-    return JSONResponse(shown(job), 202 if submission.created else 200, headers={"Location": address(job)})
+    return JSONResponse(
+        shown(job, here.settings.root_path), 202 if submission.created else 200, headers={"Location": address(job)}
+    )
 
 
 @router.post("/fits", tags=["fits"], status_code=202, responses=ACCEPTED, summary="Fit traces")
 def fit(here: Here, asked: FitRequest, key: IdempotencyKey = None) -> Response:
     """Fit traces that share their constants. The same data and options are the same job."""
     _not_too_many(len(asked.traces), here.settings.traces)
-    return accepted(here.store.submit("fit", specification(asked), asked.traces, key))
+    return accepted(here, here.store.submit("fit", specification(asked), asked.traces, key))
 
 
 @router.post("/inversions", tags=["inversions"], status_code=202, responses=ACCEPTED, summary="Ask what shell it is")
 def invert(here: Here, asked: InvertRequest, key: IdempotencyKey = None) -> Response:
     """Fit the simulator's small vibrations to ring-downs of one shell. The same data and question are the same job."""
-    return accepted(here.store.submit("invert", specification(asked), asked.traces, key))
+    return accepted(here, here.store.submit("invert", specification(asked), asked.traces, key))
 
 
 @router.post("/modes", tags=["modes"], status_code=202, responses=ACCEPTED, summary="Find a shell's modes")
 def modes(here: Here, asked: ModesRequest, key: IdempotencyKey = None) -> Response:
     """Frequencies and decay times of the small vibrations about the rest shape. The same shell is the same job."""
-    return accepted(here.store.submit("modes", modes_specification(asked), [], key))
+    return accepted(here, here.store.submit("modes", modes_specification(asked), [], key))
 
 
 @router.post(
@@ -118,7 +120,7 @@ def _batch(here: Here, uploads: list[tuple[str, bytes]], options: str, key: str 
     _not_too_many(sum(packed(name, content) for name, content in uploads), here.settings.traces)
     check_one_readable(uploads)
     given = [Upload.of(name, content) for name, content in uploads]
-    return accepted(here.store.submit("batch", specification(chosen), given, key))
+    return accepted(here, here.store.submit("batch", specification(chosen), given, key))
 
 
 def _routes(kind: str, out: type[JobOut]) -> None:
@@ -134,7 +136,7 @@ def _routes(kind: str, out: type[JobOut]) -> None:
         rows = here.store.jobs(state, limit, before, kind)
         wanted = "" if state is None else f"&state={state}"
         more = f"/api/v1/{plural}?limit={limit}&before={rows[-1].id}{wanted}" if len(rows) == limit else None
-        return {"jobs": [shown(row) for row in rows], "next": more}
+        return {"jobs": [shown(row, here.settings.root_path) for row in rows], "next": more}
 
     for suffix in KINDS[kind].files:
         _download(kind, suffix)
@@ -142,14 +144,14 @@ def _routes(kind: str, out: type[JobOut]) -> None:
     @router.get(f"/{plural}/{{id:key}}", response_model=out, summary=f"Show one {words}", **described)
     def one(here: Here, id: Name) -> dict[str, Any]:
         """State, progress, error, and what came out."""
-        job = of_kind(here.store, id, kind)
-        return with_result(here.store, job) if "result" in out.model_fields else shown(job)
+        job, root = of_kind(here.store, id, kind), here.settings.root_path
+        return with_result(here.store, job, root) if "result" in out.model_fields else shown(job, root)
 
     @router.delete(f"/{plural}/{{id:key}}", response_model=JobOut, summary=f"Cancel one {words}", **described)
     def cancel(here: Here, id: Name) -> dict[str, Any]:
         """Give it up where it still waits or runs; one that is over stays as it is. Its line in the list stays."""
         of_kind(here.store, id, kind)
-        return shown(here.store.cancel(id))
+        return shown(here.store.cancel(id), here.settings.root_path)
 
 
 def _download(kind: str, suffix: str) -> None:

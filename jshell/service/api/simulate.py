@@ -28,7 +28,7 @@ ANSWERS[202] |= {"model": JobOut, "description": "Accepted: the simulator runs a
 def simulate(here: Here, asked: SimulateRequest, key: IdempotencyKey = None) -> Response:
     """Frequencies, softening and a trace of the short model at once; with `model: simulator` a job."""
     if asked.model == "simulator":
-        response = accepted(here.store.submit("simulate", simulator_specification(asked), [], key))
+        response = accepted(here, here.store.submit("simulate", simulator_specification(asked), [], key))
         response.status_code = 202
         return response
     return JSONResponse(answered(asked))

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from jshell.cli.main import app
 from jshell.service import server, settings
 
-from .conftest import RECORDING
+from .conftest import RECORDING, listening
 
 DEPLOY = Path(__file__).parents[3] / "docs" / "deploy"
 COMPOSE = yaml.safe_load((DEPLOY / "compose.yaml").read_text())
@@ -90,3 +90,26 @@ def test_a_name_with_accents_comes_however_a_client_writes_it(http: httpx.Client
         assert (sent.status_code, sent.json()["name"]) == (201, "été.csv"), sent.text
     told = http.get(f"/api/v1/traces/{sent.json()['id']}/content").headers["content-disposition"]
     assert told == "attachment; filename=\"_t_.csv\"; filename*=UTF-8''%C3%A9t%C3%A9.csv"
+
+
+@pytest.mark.parametrize("root", ["/fits", "/api"])
+def test_a_service_under_a_path_is_the_same_whether_its_proxy_takes_the_path_away_or_not(tmp_path, root):
+    chosen = settings.Settings(db=f"sqlite:///{tmp_path / 'jobs.db'}", warm=False, root_path=root)
+    with listening(chosen) as (there, _), httpx.Client(base_url=there, timeout=30, trust_env=False) as http:
+        for elements in (40, 50):
+            job = http.post(f"{root}/api/v1/modes", json={"d_hat": 0.2, "P0_hat": 0.9, "elements": elements})
+            assert job.json()["links"]["self"] == job.headers["location"]
+        links = job.json()["links"]
+        assert links["page"] == f"{root}/modes/{job.json()['id']}"
+        listed = http.get("/api/v1/modes?limit=1").json()
+        assert listed["jobs"][0]["links"] == links
+        assert http.delete(links["self"]).json()["links"] == http.get(links["self"]).json()["links"] == links
+        pages = ("/", "/login", "/licences", "/static/jshell.css", "/healthz")
+        for path in (*pages, *(one.removeprefix(root) for one in links.values())):
+            for asked in (path, root + path):
+                assert http.get(asked).status_code == 200, asked
+        assert http.get("/fits/new").status_code == http.get(f"{root}/fits/new").status_code != 404
+        for path in ("/nothing", "/api/v1/nothing", f"/fits/{'0' * 24}", f"/api/v1/fits/{'0' * 24}"):
+            first, second = http.get(path), http.get(root + path)
+            assert first.status_code == second.status_code == 404, path
+            assert first.headers["content-type"] == second.headers["content-type"], path
