@@ -141,7 +141,7 @@ def _box(text: str | None) -> tuple[int, int, int, int] | None:
     if text is None:
         return None
     parts = text.split(":")
-    if len(parts) != 4 or not all(part.isdigit() for part in parts):
+    if len(parts) != 4 or not all(part.isdecimal() and len(part) < 10 for part in parts):
         raise BadValue("--holder", found=repr(text), expected="TOP:BOTTOM:LEFT:RIGHT", remedy="Count pixels from 0.")
     top, bottom, left, right = map(int, parts)
     return top, bottom, left, right

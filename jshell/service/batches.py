@@ -191,8 +191,21 @@ def _records(arrays: Mapping[str, np.ndarray], name: str) -> Recordings:
             expected="times, values and the conditions",
             remedy="Write it with jshell.service.batches.pack.",
         )
+    names = arrays.get("channels", np.array(["V", "S"]))
+    # what is no number would fail in the middle of the fits; how shapes go together `Recordings` says
+    known = {key: arrays[key] for key in ("times", "values", *CONDITIONS, "sigma", "counts") if key in arrays}
+    wrong = [key for key, x in known.items() if x.dtype.kind not in "iuf" or x.ndim > (1 if key in CONDITIONS else 3)]
+    wrong += [key for key in ("times", "values") if 0 in known[key].shape]
+    if wrong or names.dtype.kind != "U" or names.ndim != 1:
+        key = (wrong or ["channels"])[0]
+        raise BadFile(
+            f"{name}, {key}",
+            found=f"{arrays[key].dtype.name} of shape {arrays[key].shape}",
+            expected="numbers, a row or one for all of each condition, and names of channels",
+            remedy="Write it with jshell.service.batches.pack.",
+        )
     conditions = Reduced(*(arrays[key] for key in CONDITIONS))
-    channels = tuple(arrays["channels"].tolist()) if "channels" in arrays else ("V", "S")
+    channels = tuple(names.tolist())
     return Recordings(
         arrays["times"], arrays["values"], conditions, arrays.get("sigma"), arrays.get("counts"), channels
     )

@@ -8,7 +8,7 @@ from typing import Any
 
 import jshell
 from jshell.calibration import BatchResult, FitResult
-from jshell.errors import BadFile, JshellError, NotFound
+from jshell.errors import BadFile, BadValue, JshellError, NotFound
 from jshell.files import NamedBytes
 from jshell.service import archives, batches
 from jshell.service.encoding import neutral_csv
@@ -225,3 +225,13 @@ def packed(name: str, content: bytes) -> int:
         return 1
     with archives.opened(content, name) as archive:
         return sum(not member.is_dir() for member in archive.infolist())
+
+
+def refuse_too_many(found: int, most: int) -> None:
+    """Refuse more traces than a job may have.
+
+    Raises:
+        BadValue: Saying how many.
+    """
+    if found > most:
+        raise BadValue("traces", found=f"{found}", expected=f"at most {most}", remedy="Hand them in as several jobs.")

@@ -5,7 +5,6 @@ from typing import Annotated, Any, no_type_check
 from fastapi import APIRouter, Body, File, Form, Header, Path, Query, Response, UploadFile
 from fastapi.responses import JSONResponse
 
-from jshell.errors import BadValue
 from jshell.service.api.answers import ONCE, Before, Limit, Name, Route, binary, problem_responses
 from jshell.service.jobs import (
     MEDIA,
@@ -15,6 +14,7 @@ from jshell.service.jobs import (
     modes_specification,
     of_kind,
     packed,
+    refuse_too_many,
     shown,
     specification,
     with_result,
@@ -53,7 +53,7 @@ def accepted(here: Here, submission: Submission) -> JSONResponse:
 @router.post("/fits", tags=["fits"], status_code=202, responses=ACCEPTED, summary="Fit traces")
 def fit(here: Here, asked: FitRequest, key: IdempotencyKey = None) -> Response:
     """Fit traces that share their constants. The same data and options are the same job."""
-    _not_too_many(len(asked.traces), here.settings.traces)
+    refuse_too_many(len(asked.traces), here.settings.traces)
     return accepted(here, here.store.submit("fit", specification(asked), asked.traces, key))
 
 
@@ -117,7 +117,7 @@ def batch_file(
 
 def _batch(here: Here, uploads: list[tuple[str, bytes]], options: str, key: str | None) -> Response:
     chosen = options_of(BatchOptions, options)
-    _not_too_many(sum(packed(name, content) for name, content in uploads), here.settings.traces)
+    refuse_too_many(sum(packed(name, content) for name, content in uploads), here.settings.traces)
     check_one_readable(uploads)
     given = [Upload.of(name, content) for name, content in uploads]
     return accepted(here, here.store.submit("batch", specification(chosen), given, key))
@@ -175,8 +175,3 @@ def _download(kind: str, suffix: str) -> None:
 _OUT = {"fit": FitOut, "modes": ModesOut, "look": FilmOut, "film": FilmOut, "invert": InversionOut}
 for _kind in KINDS:
     _routes(_kind, _OUT.get(_kind, JobOut))
-
-
-def _not_too_many(found: int, most: int) -> None:
-    if found > most:
-        raise BadValue("traces", found=f"{found}", expected=f"at most {most}", remedy="Hand them in as several jobs.")

@@ -14,7 +14,7 @@ from jshell.errors import BadFile, BadValue, JshellError
 from jshell.io.headers import REDUCED_KEYS, SHARED_KEYS, SI_KEYS
 from jshell.quantities import QUANTITIES
 from jshell.service.films import is_film
-from jshell.service.jobs import packed, specification
+from jshell.service.jobs import packed, refuse_too_many, specification
 from jshell.service.preview import Preview, preview
 from jshell.service.reading import UPLOAD_SLOTS, TraceContent, conditions_of, inspect, inspected, with_conditions
 from jshell.service.state import Here, Service
@@ -73,7 +73,8 @@ def _kept(request: Request, here: Service, given: Sequence[tuple[str, bytes]]) -
             )  # fmt: skip
         if films:
             return looked(here, Upload.of(*given[0]))
-        if len(given) == 1 and is_batch(*given[0]):
+        if len(given) == 1 and (found := traces_in(*given[0])) is not None:
+            refuse_too_many(found, here.settings.traces)
             return handed_in(here, "batch", {}, [Upload.of(*given[0])])
         ids, lacking = [], False
         for name, content in given:
@@ -86,10 +87,15 @@ def _kept(request: Request, here: Service, given: Sequence[tuple[str, bytes]]) -
     return onward(lacking, ids)
 
 
-def is_batch(name: str, content: bytes) -> bool:
-    """Whether a file holds many traces."""
+def traces_in(name: str, content: bytes) -> int | None:
+    """How many traces a file of many holds; None where it is a file of one.
+
+    Raises:
+        BadFile: An archive that cannot be opened.
+    """
     suffix = PurePath(name).suffix.lower()
-    return suffix == ".zip" or (suffix == ".npz" and packed(name, content) > 1)
+    found = packed(name, content) if suffix in (".zip", ".npz") else 1
+    return found if suffix == ".zip" or found > 1 else None
 
 
 @router.post("/examples")

@@ -1,7 +1,9 @@
 """Requests that nobody means well: each refused when it comes, in words, and none a fault of the service."""
 
+import io
 import json
 import logging
+import zipfile
 from itertools import product
 from pathlib import Path
 from urllib.parse import unquote
@@ -236,3 +238,39 @@ def test_the_page_names_a_column_without_a_unit_as_the_api_does(http):
     assert "column `t`" in page.text
     bare = http.post("/traces", files={"file": ("a.csv", content.replace(b"t,", b"t [s],"))})
     assert bare.headers["location"].startswith("/traces/conditions")  # which are asked for
+
+
+NUMBERS = {name: np.full(3, 0.5) for name in ("thickness", "gas_pressure", "outer_pressure", "viscosity", "kappa")}
+ARRAYS = {"times": np.arange(20.0), "values": np.ones((3, 2, 20)), "poisson_ratio": np.full(3, 0.5), **NUMBERS}
+
+
+@pytest.mark.parametrize(
+    "odd",
+    [
+        {"channels": np.array(3.0)}, {"channels": np.array([["V", "S"]])}, {"channels": np.array([b"V", b"S"])},
+        {"thickness": np.array(["a", "b", "c"])}, {"thickness": np.zeros(3, "V0")}, {"thickness": np.full((3, 3), 0.2)},
+        {"thickness": np.zeros(3, "M8[s]")}, {"values": np.zeros((0, 2, 20))},
+        {"values": np.zeros((3, 2, 20), "M8[s]")},
+        {"counts": np.array(["a"] * 3)}, {"sigma": np.array("a")}, {"times": np.zeros(20, [("a", "f8")])},
+        {"values": np.ones((3, 2, 20)) + 1j},
+    ],
+    ids=str,
+)  # fmt: skip
+def test_arrays_that_are_no_records_are_refused_by_name(http, odd):
+    file = io.BytesIO()
+    np.savez(file, **(ARRAYS | odd))
+    found = http.post("/api/v1/batches", files={"files": ("odd.npz", file.getvalue())})
+    assert (found.status_code, found.json()["code"]) == (422, "bad_file"), found.text
+    assert next(iter(odd)) in found.json()["place"]
+    assert http.post("/traces", files={"file": ("odd.npz", file.getvalue())}).status_code == 422
+
+
+def test_the_page_takes_no_archive_that_the_service_refuses(http):
+    many = io.BytesIO()
+    with zipfile.ZipFile(many, "w") as archive:
+        for number in range(10_001):
+            archive.writestr(f"{number}.csv", "")
+    for content in (b"no archive", many.getvalue()):
+        page = http.post("/traces", files={"file": ("many.zip", content)})
+        api = http.post("/api/v1/batches", files={"files": ("many.zip", content)})
+        assert page.status_code == api.status_code == 422
