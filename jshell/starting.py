@@ -2,8 +2,8 @@
 
 The package's own first line imports this, before anything that takes time, and `jshell serve` or `python -m jshell
 serve` is told from what Python was called with: no other program of that argument, and no process of the service's
-own, is touched. Before that line lies what Python itself needs to begin, some 0.05 s on a quiet machine. A signal in it
-ends the process as the system does, with 143: nobody can listen before he is there.
+own, is touched. Before that line lies what Python itself needs to begin, between 0.05 and 0.15 s on a busy machine with
+two cores. A signal in it ends the process as the system does, with 143: nobody can listen before he is there.
 """
 
 import os
