@@ -73,7 +73,7 @@ def attacked(port: int) -> dict:
         "slow bodies": [_line(port, HEAD + b"Content-Length: 4000\r\n\r\n") for _ in range(20)],
         "slow chunked bodies": [_line(port, HEAD + b"Transfer-Encoding: chunked\r\n\r\n") for _ in range(20)],
     }
-    unread = {line.fileno(): line for line in (_line(port, STATIC * 20, 4096) for _ in range(200))}
+    unread = {line.fileno(): line for line in (_line(port, STATIC * 20, 4096) for _ in range(100))}
     errors = select.poll()
     for line in unread:
         errors.register(line, 0)
