@@ -135,8 +135,9 @@ def _routes(kind: str, out: type[JobOut]) -> None:
         """The latest first."""
         rows = here.store.jobs(state, limit, before, kind)
         wanted = "" if state is None else f"&state={state}"
-        more = f"/api/v1/{plural}?limit={limit}&before={rows[-1].id}{wanted}" if len(rows) == limit else None
-        return {"jobs": [shown(row, here.settings.root_path) for row in rows], "next": more}
+        root = here.settings.root_path
+        more = f"{root}/api/v1/{plural}?limit={limit}&before={rows[-1].id}{wanted}" if len(rows) == limit else None
+        return {"jobs": [shown(row, root) for row in rows], "next": more}
 
     for suffix in KINDS[kind].files:
         _download(kind, suffix)

@@ -79,7 +79,8 @@ def upload(
 def index(here: Here, limit: Limit = 50, before: Before = None) -> dict[str, Any]:
     """Traces, the latest first."""
     rows = here.store.traces(limit, before)
-    more = f"/api/v1/traces?limit={limit}&before={rows[-1].id}" if len(rows) == limit else None
+    root = here.settings.root_path
+    more = f"{root}/api/v1/traces?limit={limit}&before={rows[-1].id}" if len(rows) == limit else None
     return {"traces": [row_out(row) for row in rows], "next": more}
 
 

@@ -103,6 +103,8 @@ def test_a_service_under_a_path_is_the_same_whether_its_proxy_takes_the_path_awa
         assert links["page"] == f"{root}/modes/{job.json()['id']}"
         listed = http.get("/api/v1/modes?limit=1").json()
         assert listed["jobs"][0]["links"] == links
+        assert http.get(listed["next"]).json()["jobs"][0]["links"]["self"].startswith(f"{root}/api/v1/modes/")
+        assert listed["next"].startswith(f"{root}/api/v1/modes?")
         assert http.delete(links["self"]).json()["links"] == http.get(links["self"]).json()["links"] == links
         pages = ("/", "/login", "/licences", "/static/jshell.css", "/healthz")
         for path in (*pages, *(one.removeprefix(root) for one in links.values())):
