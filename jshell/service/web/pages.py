@@ -74,8 +74,9 @@ async def logged_in(
         error = Refused("token", found="another token", expected="the service's token", remedy="Ask its keeper for it.")
         return shown(request, "login.html", {"next": _inside(next), "error": error}, 401)
     response = RedirectResponse(_inside(next), 303)
-    name = await run_in_threadpool(sessions.begin, here.store.database)
-    response.set_cookie(COOKIE, name, sessions.SECONDS, **_only_here(request))
+    if wanted:  # without a token everybody is in, and a session would be a row for nothing
+        name = await run_in_threadpool(sessions.begin, here.store.database)
+        response.set_cookie(COOKIE, name, sessions.SECONDS, **_only_here(request))
     return response
 
 

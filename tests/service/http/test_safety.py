@@ -9,9 +9,10 @@ from urllib.parse import urlsplit
 
 import httpx
 import pytest
+import sqlalchemy as sa
 
 from jshell.errors import BadValue
-from jshell.service import safety
+from jshell.service import safety, tables
 from jshell.service.encoding import neutral, neutral_csv
 from jshell.service.safety import attachment, check_open, clean_name
 from jshell.service.settings import Settings
@@ -212,3 +213,12 @@ def test_names_of_downloads_stay_on_one_line():
     assert clean_name("..") == "trace"
     assert clean_name(None) == "trace"
     assert clean_name("dir/été \u2066x.csv") == "été x.csv"
+
+
+def test_a_service_without_a_token_keeps_no_sessions(tmp_path):
+    with listening(Settings(db=f"sqlite:///{tmp_path / 'jobs.db'}", warm=False)) as (address, store):
+        for _ in range(3):
+            found = httpx.post(f"{address}/login", data={"token": ""}, trust_env=False)
+            assert (found.status_code, "set-cookie" in found.headers) == (303, False)
+        with store.database.reading() as connection:
+            assert connection.execute(sa.select(sa.func.count()).select_from(tables.sessions)).scalar() == 0
