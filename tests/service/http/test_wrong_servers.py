@@ -24,7 +24,7 @@ HTML = b"<html><h1>Welcome to nginx</h1></html>"
 
 
 def whole(head: bytes, body: bytes) -> bytes:
-    return head + b"Content-Length: %d\r\n\r\n" % len(body) + body
+    return head + b"Connection: close\r\nContent-Length: %d\r\n\r\n" % len(body) + body
 
 
 def drip(line: socket.socket, first: bytes, drop: bytes = b" ") -> None:
@@ -79,6 +79,10 @@ def answering(answer: bytes | Callable[[socket.socket], None]) -> Iterator[str]:
                         line.sendall(answer)
                     else:
                         answer(line)
+                    # what is left unread at the end would reset the line, and the answer with it
+                    line.shutdown(socket.SHUT_WR)
+                    while line.recv(65536):
+                        pass
                 except OSError:
                     return
 
