@@ -14,6 +14,7 @@ import dataclasses
 import warnings
 from collections.abc import Mapping
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -151,6 +152,11 @@ def _again(caught: list) -> None:
         warnings.warn(text, RangeWarning, stacklevel=3)
 
 
+@eqx.filter_jit
+def _weighted_and_slopes(values: jax.Array, rows: FrequencyTable, weighting: str) -> tuple[jax.Array, jax.Array]:
+    return value_and_jacobian(lambda p: weighted(p, rows, weighting), values)
+
+
 def _result(
     records: Prepared,
     parameters: Unknowns,
@@ -165,7 +171,7 @@ def _result(
     values = np.asarray(parameters.constrained(solution.unknowns[best]))
     shown, begin = parameters.reported(values), parameters.reported(constrained[best])
 
-    r, J = value_and_jacobian(lambda p: weighted(p, rows, weighting), jnp.asarray(values))
+    r, J = _weighted_and_slopes(jnp.asarray(values), rows, weighting)
     J = np.asarray(J) * parameters.stretch(shown)
     free, names = [NAMES.index(name) for name in parameters.free], parameters.free
     errors = uncertainty(J[:, free], np.asarray(r), shown[free], count=measured, absolute=records.absolute)
