@@ -64,7 +64,7 @@ def test_a_file_that_was_saved_is_read(name):
     assert differences(old, new) == []
 
 
-# strict_tie was saved when a motion that the model lacks was still taken for noise: what it minimised is no longer asked
+# strict_tie was saved when a motion that the model lacks was still taken for noise: it minimised something else
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in cases.SAVED if name != "strict_tie"])
 def test_a_read_fit_minimises_what_the_fresh_one_did(name):
