@@ -74,7 +74,7 @@ def coverage(
     c = SHELL.coefficients
     true = np.array([float(x) for x in (c.alpha1, c.alpha2, c.k_vs, c.beta1)])
     parameters = unknowns(NAMES, frozenset({"alpha1", "alpha2", "beta1"}))
-    start = jnp.asarray(parameters.seen(true[None])[0])
+    start = jnp.asarray(parameters.unconstrained(true[None])[0])
     held, lost, reduced = np.zeros(4), 0, 0.0
     for at in range(0, replicates, BLOCK):
         traces = [noisy(clean, memory, seed) for seed in range(at, at + BLOCK)]
@@ -112,7 +112,7 @@ def fits(parameters: Unknowns, models: TraceModel, start: jax.Array) -> SolverRe
     """One fit for each problem, from one start."""
     free = jnp.full(start.shape, jnp.inf)
     one = lambda model: levenberg_marquardt(  # noqa: E731
-        lambda u: projected(parameters.natural(u), model), start, -free, free
+        lambda u: projected(parameters.constrained(u), model), start, -free, free
     )
     return eqx.filter_vmap(one)(models)
 

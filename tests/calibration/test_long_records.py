@@ -48,7 +48,7 @@ def test_blocks_give_the_residual_the_gradient_and_the_jacobian_of_all_rows(loss
     for mine, theirs in zip(plain, whole.design, strict=True):
         np.testing.assert_allclose(mine, theirs, atol=1e-10 * np.abs(theirs).max())
 
-    u = jnp.asarray(parameters.seen(p[None])[0])
+    u = jnp.asarray(parameters.unconstrained(p[None])[0])
     rows = np.asarray(eqx.filter_jit(condensed)(u, (parameters, problem)))
     left, slopes = _plain(u, (parameters, problem))
     assert rows[:, -1] @ rows[:, -1] == pytest.approx(float(left @ left), rel=1e-10)
