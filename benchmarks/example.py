@@ -75,8 +75,8 @@ def main() -> None:
             low, high = found.interval(one.name)
             line[one.name] = {"value": float(f"{one.value:.5g}"), "stderr": float(f"{one.stderr:.2g}")}
             line[one.name]["95%"] = [float(f"{low:.4g}"), float(f"{high:.4g}")]
-        if found.ending is not None and found.ending.projections:
-            slow = found.model.modal(0, found.ending.u, found.ending.near[0])[0].rates[0] if found.model else 0j
+        if found.solution is not None and found.solution.projections:
+            slow = found.model.modal(0, found.solution.u, found.solution.near[0])[0].rates[0] if found.model else 0j
             line |= {"slow tau [s]": round(-1 / slow.real, 5), "slow f [Hz]": round(slow.imag / 6.283185307, 3)}
         line |= {"x2": round(found.reduced_chi_square, 2), "cpu [s]": round(time.process_time() - clock, 1)}
         line |= {"warnings": [text.partition(":")[0] for text in found.warnings]}
