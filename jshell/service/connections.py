@@ -19,12 +19,12 @@ HEAD = 10.0  # [s] in which the line and the headers of a request must have arri
 FROM_ONE = 64  # connections of one address that have not asked for anything yet
 YOUNG = 1.0  # [s] in which nobody is silent: what it sends may be on its way
 MOST = 1024  # connections; above, they give way to new ones
-SPARE = 16  # of strangers that give way at a time, so that looking for them is not the service's main work
-READ = 10.0  # [s] after which a stranger must have read some of its answer, and again and again
+SPARE = 16  # of anonymous ones that give way at a time, so that looking for them is not the service's main work
+READ = 10.0  # [s] after which an anonymous caller must have read some of its answer, and again and again
 READ_KNOWN = 120.0  # [s] the same of who may ask: a slow reader's own system passes on much at a time, and seldom
 RATE = 2048.0  # bytes a second that are read by then; half of what is asked of bodies, for the same reason
 SENDING = 128 * 1024  # bytes of an answer that the system may hold, so that reading is seen here
-STRANGER, SERVED_STRANGER, IDLE, UNREAD, SERVED = range(5)  # who goes where lines are short, the first ones first
+ANONYMOUS, SERVED_ANONYMOUS, IDLE, UNREAD, SERVED = range(5)  # who goes where lines are short, the first ones first
 ADMITTED = "admitted"  # in the state of a request: it may ask for more than what stands open
 
 
@@ -34,7 +34,7 @@ class Connection(H11Protocol):
     began = since = 0.0  # of the connection; of what it does now
     until: float | None = None  # when the header under way must be there
     unread = 0  # bytes that waited to be sent when somebody last looked
-    look: asyncio.TimerHandle | None = None  # at whether the answer is read
+    timer: asyncio.TimerHandle | None = None  # until it is checked whether the answer is read
     silent: dict[str, dict["Connection", None]]  # of every address, the oldest first
 
     def connection_made(self, transport: Any) -> None:
@@ -58,7 +58,7 @@ class Connection(H11Protocol):
         """The end of a connection."""
         super().connection_lost(exc)
         self._unset_keepalive_if_required()
-        self._stop_looking()
+        self._stop_checking()
         self._near.pop(self, None)
         if not self._near:
             self.silent.pop(self.address, None)
@@ -86,12 +86,12 @@ class Connection(H11Protocol):
     def pause_writing(self) -> None:
         """More is written than the line takes: from now on it must be read."""
         super().pause_writing()
-        self._look_later()
+        self._check_later()
 
     def resume_writing(self) -> None:
         """All that was written is on its way."""
         super().resume_writing()
-        self._stop_looking()
+        self._stop_checking()
 
     def _wait(self) -> None:
         self._unset_keepalive_if_required()
@@ -99,23 +99,23 @@ class Connection(H11Protocol):
         self.until = self.until or now + HEAD
         self.timeout_keep_alive_task = self.loop.call_later(self.until - now, self._leave)
 
-    def _look_later(self) -> None:
-        self._stop_looking()
+    def _check_later(self) -> None:
+        self._stop_checking()
         seconds = READ_KNOWN if self._admitted() else READ
         self.unread = self.transport.get_write_buffer_size()
-        self.look = self.loop.call_later(seconds, self._look, seconds)
+        self.timer = self.loop.call_later(seconds, self._check_reading, seconds)
 
-    def _look(self, seconds: float) -> None:
+    def _check_reading(self, seconds: float) -> None:
         """Whether so much was read in so many seconds that the connection may stay."""
         if self.unread - self.transport.get_write_buffer_size() < RATE * seconds:
             self._leave()
         else:
-            self._look_later()
+            self._check_later()
 
-    def _stop_looking(self) -> None:
-        if self.look is not None:
-            self.look.cancel()
-            self.look = None
+    def _stop_checking(self) -> None:
+        if self.timer is not None:
+            self.timer.cancel()
+            self.timer = None
 
     def _admitted(self) -> bool:
         """Whether the last request was one of who may ask."""
@@ -124,14 +124,14 @@ class Connection(H11Protocol):
     def _make_room(self) -> None:
         """Some others go, the oldest of the most crowded address first; none where all of them are being served.
 
-        This one stays in any case: whoever may ask begins as a stranger whose request is on its way.
+        This one stays in any case: whoever may ask begins as an anonymous caller whose request is on its way.
         """
         now = self.loop.time()
         others = [(one._use(now), one) for one in self.connections if isinstance(one, Connection) and one is not self]
         crowd = Counter((use, one.address) for use, one in others)
         others.sort(key=lambda other: (other[0], -crowd[other[0], other[1].address], other[1].since))
         for count, (use, one) in enumerate(others[:SPARE]):
-            if use <= SERVED_STRANGER or (use < SERVED and count == 0):
+            if use <= SERVED_ANONYMOUS or (use < SERVED and count == 0):
                 one._leave()
 
     def _use(self, now: float) -> int:
@@ -139,8 +139,8 @@ class Connection(H11Protocol):
         served = self.cycle is not None and not self.cycle.response_complete
         if not self._admitted():
             if self.flow.write_paused or not served:
-                return STRANGER
-            return SERVED_STRANGER if now - self.since > YOUNG else SERVED  # its token is perhaps being looked at
+                return ANONYMOUS
+            return SERVED_ANONYMOUS if now - self.since > YOUNG else SERVED  # its token is perhaps being looked at
         if not self.flow.write_paused:
             return SERVED if served else IDLE
         stands = self.transport.get_write_buffer_size() == self.unread and now - self.since > READ

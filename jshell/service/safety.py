@@ -160,8 +160,8 @@ class Gate:
     async def _refusal(self, scope: Scope, headers: Headers, most: int) -> JshellError | None:
         """Why a request goes no further; one whose headers nobody foresaw neither, with one record in the log."""
         try:
-            return self._error(scope, headers, most) or await self._stranger(HTTPConnection(scope))
-        except Exception as fault:  # an outer edge, as the one above: headers come from strangers
+            return self._error(scope, headers, most) or await self._anonymous(HTTPConnection(scope))
+        except Exception as fault:  # an outer edge, as the one above: headers come from anybody
             return unforeseen(fault, scope["path"])
 
     def _error(self, scope: Scope, headers: Headers, most: int) -> JshellError | None:
@@ -188,7 +188,7 @@ class Gate:
             return too_large(int(length), most, _is_form(headers))
         return None
 
-    async def _stranger(self, asker: HTTPConnection) -> JshellError | None:
+    async def _anonymous(self, asker: HTTPConnection) -> JshellError | None:
         """The refusal of who shows neither the token nor the cookie of a session."""
         token, session = self.settings.token, asker.cookies.get(COOKIE, "")
         kind, given = get_authorization_scheme_param(asker.headers.get("authorization"))

@@ -70,7 +70,7 @@ def serve(settings: Settings, report: Callable[[str], None] | None = None) -> No
 def configured(app: Any, settings: Settings) -> "Config":
     """How uvicorn is to serve an application of the service.
 
-    Its warnings are all of what strangers send, lines of any number that nobody can act on: they are left out. It
+    Its warnings are all of what anybody may send, lines of any number that nobody can act on: they are left out. It
     speaks no WebSocket, for whoever asks for one would leave the connections that are counted here.
 
     Args:

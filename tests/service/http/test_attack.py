@@ -200,7 +200,7 @@ STRANGE = (
 
 
 @pytest.mark.parametrize("sent", STRANGE)
-def test_what_strangers_send_leaves_no_line_in_the_log(line, sent, caplog):
+def test_what_anybody_sends_leaves_no_line_in_the_log(line, sent, caplog):
     log = logging.getLogger("uvicorn.error")
     log.addHandler(caplog.handler)
     try:
