@@ -11,9 +11,9 @@ from jshell.calibration.report import FitResult
 from jshell.calibration.serialization import KIND
 from jshell.errors import BadFile, Outcome
 from jshell.files import Source
-from jshell.io.records import number, numbers, read_record, trace_of
+from jshell.io.records import number, numbers, read_record, text, texts, trace_of
 
-_ESTIMATE = {"value", "stderr", "start"}
+_NUMBERS = {"value", "stderr", "start"}
 
 
 def load(path: Source) -> FitResult:
@@ -29,7 +29,7 @@ def load(path: Source) -> FitResult:
     found = read_record(path, KIND)
     try:
         return _result(found)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         raise BadFile(
             str(path), found=f"a field that is missing or of another kind ({error})", expected="a whole record",
             remedy="Save the result again.",
@@ -38,10 +38,10 @@ def load(path: Source) -> FitResult:
 
 def _result(found: Mapping[str, Any]) -> FitResult:
     asked = found["specification"]
-    varied = tuple(found["varied"])
+    varied = texts(found["varied"])
     square = (len(varied), len(varied))
     return FitResult(
-        title=found["title"],
+        title=text(found["title"]),
         outcome=_outcome(found["outcome"]),
         estimates=tuple(_estimate(one) for one in found["estimates"]),
         derived=tuple(_estimate(one) for one in found["derived"]),
@@ -53,11 +53,11 @@ def _result(found: Mapping[str, Any]) -> FitResult:
         n_data=int(found["n_data"]),
         n_varied=int(found["n_varied"]),
         absolute=bool(found["absolute"]),
-        free_directions=tuple(found["free_directions"]),
+        free_directions=texts(found["free_directions"]),
         starts=tuple(_start(one) for one in found["starts"]),
-        notes=tuple(found["notes"]),
-        warnings=tuple(found["warnings"]),
-        dipole=found["dipole"],
+        notes=texts(found["notes"]),
+        warnings=texts(found["warnings"]),
+        dipole=text(found["dipole"]),
         noise=tuple(Noise(**{f.name: _like(f.type, one[f.name]) for f in fields(Noise)}) for one in found["noise"]),
         traces=tuple(trace_of(one) for one in found["data"]["traces"]),
         table={name: numbers(column) for name, column in found["data"]["table"].items()},
@@ -76,7 +76,7 @@ def _outcome(word: str) -> Outcome:
 
 
 def _estimate(found: Mapping[str, Any]) -> Estimate:
-    given: dict[str, Any] = {key: number(value) if key in _ESTIMATE else value for key, value in found.items()}
+    given: dict[str, Any] = {key: (number if key in _NUMBERS else text)(value) for key, value in found.items()}
     return Estimate(**given)
 
 

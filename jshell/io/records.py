@@ -115,6 +115,28 @@ def numbers(value: Any) -> np.ndarray:
     return np.array([numbers(item) for item in value], dtype=float) if value else np.zeros(0)
 
 
+def text(value: Any) -> str:
+    """A text.
+
+    Raises:
+        TypeError: It is none: what it would read as is nothing that anybody wrote.
+    """
+    if not isinstance(value, str):
+        raise TypeError(f"{value!r:.80} where a text stands")
+    return value
+
+
+def texts(value: Any) -> tuple[str, ...]:
+    """A list of texts.
+
+    Raises:
+        TypeError: It is none.
+    """
+    if not isinstance(value, list):
+        raise TypeError(f"{value!r:.80} where a list stands")
+    return tuple(map(text, value))
+
+
 def trace_record(trace: Trace) -> dict[str, Any]:
     """A trace as a JSON object."""
     c, scales = trace.conditions, trace.scales

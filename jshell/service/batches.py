@@ -143,7 +143,7 @@ def unpack_result(content: bytes) -> BatchResult:
     arrays = archives.unpack(content, name)
     arrays.pop("names", None)
     try:
-        directions = zip(arrays.pop("free_rows").tolist(), arrays.pop("free_words").tolist(), strict=True)
+        directions = zip(arrays.pop("free_rows").tolist(), map(str, arrays.pop("free_words")), strict=True)
         absolute = bool(arrays.pop("absolute"))
         choices = {"loss": str(arrays.pop("loss"))} if "loss" in arrays else {}
         choices |= {"channels": tuple(arrays.pop("channels").tolist())} if "channels" in arrays else {}

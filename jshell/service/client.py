@@ -352,9 +352,7 @@ class Client(Asking):
 
         try:
             answer = self._answer(self.timeout, "GET", "/healthz")
-            found = answer.json()
-            sound = receiving.part(found, "status", str) == "ok" and bool(receiving.part(found, "version", str))
-            return answer.status_code == 200 and sound
+            return answer.status_code == 200 and receiving.healthy(answer.json())
         except (httpx.RequestError, *receiving.SPOILED):
             return False
 

@@ -1,17 +1,17 @@
 """What goes over the wire from the service: answers of the API."""
 
 import math
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
-from jshell.service.schemas import JobKind, State
+from jshell.service.schemas import Id, JobKind, State
 
 
 class TraceOut(BaseModel):
     """A stored trace."""
 
-    id: str
+    id: Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{32}$")]
     name: str
     sha256: str
     size: int
@@ -47,14 +47,14 @@ class TraceRead(TraceOut):
 class JobOut(BaseModel):
     """A job: where it stands, and where its results are."""
 
-    id: str
+    id: Id
     kind: JobKind
     state: State
     created: float
     started: float | None
     finished: float | None
     attempt: int
-    progress: float
+    progress: float = Field(ge=0, le=1)
     traces: list[str]
     specification: dict[str, Any]
     error: Failure | None
@@ -67,10 +67,29 @@ class FitOut(JobOut):
     result: dict[str, Any] | None = None
 
 
+class IntervalOut(BaseModel):
+    """A profile interval of one parameter; null where an end is open."""
+
+    value: float | None
+    low: float | None
+    high: float | None
+    reason: str
+
+
+class ProfileOut(BaseModel):
+    """Profile intervals of a fit; its fields are those of `jshell.calibration.Profile.record`."""
+
+    level: float
+    criterion: str
+    intervals: dict[str, IntervalOut]
+
+
 class ModeOut(BaseModel):
     """One mode; null where its outcome leaves nothing to say."""
 
-    mode: int = Field(description="From 1, slowest first.")
+    model_config = ConfigDict(allow_inf_nan=False)
+
+    mode: int = Field(ge=1, le=10**6, description="From 1, slowest first.")
     omega: float | None = Field(description="|s|; null where it is overdamped.")
     Omega: float | None = Field(description="Im s.")
     tau: float | None = Field(description="Decay time; null without loss.")
@@ -82,8 +101,8 @@ class ModeOut(BaseModel):
 class OrderModeOut(ModeOut):
     """One mode of one order around the axis."""
 
-    azimuth: int = Field(description="Its order m; 0 keeps the symmetry.")
-    mode: int = Field(description="From 1 within its order.")
+    azimuth: int = Field(ge=0, le=10**6, description="Its order m; 0 keeps the symmetry.")
+    mode: int = Field(ge=1, le=10**6, description="From 1 within its order.")
     omega: float | None = Field(description="|s|; null where it is overdamped or grows.")
     growth: float | None = Field(description="Rate at which it grows, or null.")
     dH: float | None
@@ -101,6 +120,23 @@ class FilmOut(JobOut):
     """A film's measurement, or a look at one, with what was found."""
 
     result: dict[str, Any] | None = None
+
+
+class EstimateOut(BaseModel):
+    """An unknown of an inversion; null where the data do not tell."""
+
+    name: str
+    value: float | None
+    stderr: float | None
+
+
+class InversionFound(BaseModel):
+    """What every record of an inversion holds, among more."""
+
+    title: str
+    outcome: str
+    estimates: list[EstimateOut] = Field(min_length=1)
+    intervals: dict[str, Annotated[list[float | None], Field(min_length=2, max_length=2)]]
 
 
 class InversionOut(JobOut):
@@ -157,7 +193,7 @@ class Health(BaseModel):
     """Whether the service can take and run jobs."""
 
     status: Literal["ok"]
-    version: str
+    version: str = Field(min_length=1)
 
 
 class ProblemOut(Failure):

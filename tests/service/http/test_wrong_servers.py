@@ -129,7 +129,8 @@ def test_a_large_body_on_a_slow_line_is_waited_for(monkeypatch, tmp_path):
             left -= len(line.recv(2**16))
         while left:
             left -= len(line.recv(2**20))
-        line.sendall(whole(OK, json.dumps({"id": "0" * 32}).encode()))
+        answer = {"id": "0" * 32, "name": "long.csv", "sha256": "", "size": 2**20, "created": 0.0}
+        line.sendall(whole(OK, json.dumps(answer).encode()))
 
     path = tmp_path / "long.csv"
     path.write_bytes(bytes(2**20))
@@ -162,7 +163,9 @@ def test_what_is_no_result_is_told_with_its_address(answer):
 
 
 def test_a_list_of_jobs_that_names_itself_as_the_next_page_ends():
+    times = dict.fromkeys(("created", "started", "finished"), 1.0)
     job = {"id": "0" * 24, "kind": "fit", "state": "done", "progress": 1, "specification": {}, "error": None}
+    job |= times | {"attempt": 1, "traces": [], "links": {}}
     listed = json.dumps({"jobs": [job], "next": "/fits/api/v1/fits?limit=200&before=1"}).encode()
     with answering(whole(OK, listed)) as address, jshell.Client(address, timeout=5, patience=0) as client:
         jobs = client.jobs()
