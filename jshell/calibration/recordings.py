@@ -19,7 +19,7 @@ from jshell.calibration.data import chosen_channels, conditions_of, with_sigma
 from jshell.calibration.sampling import noise_of, sampling
 from jshell.errors import BadName, BadShape, BadValue, RangeWarning, choose
 from jshell.oscillator.simulate import is_buckled
-from jshell.shell.parameters import Reduced
+from jshell.shell.parameters import CONDITION_FIELDS, Reduced
 from jshell.shell.rest import buckled_state
 from jshell.signals.lanes import lanes_for
 from jshell.signals.wave_sums import INNER
@@ -42,6 +42,7 @@ class Recordings(eqx.Module):
 
     Raises:
         BadShape: Arrays that do not fit together.
+        BadValue: An array of something that is no number.
     """
 
     times: np.ndarray | jax.Array
@@ -55,16 +56,29 @@ class Recordings(eqx.Module):
         shape, times = np.shape(self.values), np.shape(self.times)
         fits = len(shape) == 3 and shape[1] == len(self.channels) and times in ((shape[2],), (shape[0], shape[2]))
         fits = fits and (self.sigma is None or np.shape(self.sigma) == shape[:2])
-        fits = fits and (self.counts is None or np.shape(self.counts) == shape[:1])
-        if not fits:
+        fits = fits and (self.counts is None or np.shape(self.counts) == shape[:1]) and 0 not in shape
+        conditions = {name: getattr(self.conditions, name) for name in CONDITION_FIELDS.values()}
+        ill = "".join(
+            f", {name} {np.shape(one)}"
+            for name, one in conditions.items()
+            if np.shape(one) not in ((), (1,), shape[:1])
+        )
+        if ill or not fits:
             raise BadShape(
                 "recordings",
-                found=f"times {times}, values {shape}",
+                found=f"times {times}, values {shape}{ill}",
                 expected=f"times (times,) or (rows, times), values (rows, {len(self.channels)}, times), "
-                f"sigma (rows, {len(self.channels)}), counts (rows,)",
+                f"sigma (rows, {len(self.channels)}), counts (rows,), of each condition a row or one for all",
                 remedy=f"Give {', '.join(self.channels)} of every record, padded to one length; `counts` says how long "
                 "each is.",
             )
+        given = {"times": self.times, "values": self.values, "sigma": self.sigma, "counts": self.counts} | conditions
+        for name, array in given.items():
+            # of what is no number the fits would fail one by one, in their middle
+            if array is not None and (kind := getattr(array, "dtype", np.dtype(float))).kind not in "iuf":
+                raise BadValue(
+                    f"recordings, {name}", found=f"an array of {kind}", expected="numbers", remedy="Give it as floats."
+                )
 
     def of(self, names: tuple[str, ...]) -> "Recordings":
         """The same with some channels only, in this order.
@@ -169,8 +183,7 @@ def stacked(traces: Sequence[Trace], names: tuple[str, ...] = ("V", "S"), loss: 
                 sigma[i, c] = known[0]
     absolute = with_sigma(traces, names)
     numbers = [
-        np.array([float(getattr(trace.conditions, name)) for trace in traces])
-        for name in ("thickness", "gas_pressure", "outer_pressure", "viscosity", "kappa", "poisson_ratio")
+        np.array([float(getattr(trace.conditions, name)) for trace in traces]) for name in CONDITION_FIELDS.values()
     ]
     same = bool(np.all(times == times[0])) and bool(np.all(counts == longest))
     return Recordings(

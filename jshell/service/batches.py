@@ -54,7 +54,7 @@ def unpack(content: Content, name: str = "batch.npz") -> Recordings:
 
     Raises:
         BadFile: No archive of plain arrays, or one of them is missing.
-        BadShape: Arrays that do not fit together.
+        BadShape, BadValue: As `jshell.calibration.Recordings`.
     """
     return _records(archives.unpack(content, name), name)
 
@@ -175,7 +175,7 @@ def count(content: bytes, name: str) -> int:
     """Records in an `.npz` of them, or 0 where it holds something else; of times and values only the heads are read.
 
     Raises:
-        BadFile, BadShape: As `unpack`, as far as heads tell.
+        BadFile, BadShape, BadValue: As `unpack`, as far as heads tell.
     """
     if "values" not in archives.names(content, name):
         return 0
@@ -184,28 +184,16 @@ def count(content: bytes, name: str) -> int:
 
 def _records(arrays: Mapping[str, np.ndarray], name: str) -> Recordings:
     missing = [key for key in ("times", "values", *CONDITIONS) if key not in arrays]
-    if missing:
+    channels = arrays.get("channels", np.array(["V", "S"]))
+    if missing or channels.dtype.kind != "U" or channels.ndim != 1:
         raise BadFile(
             name,
-            found=f"no array {', '.join(missing)}",
-            expected="times, values and the conditions",
-            remedy="Write it with jshell.service.batches.pack.",
-        )
-    names = arrays.get("channels", np.array(["V", "S"]))
-    # what is no number would fail in the middle of the fits; how shapes go together `Recordings` says
-    known = {key: arrays[key] for key in ("times", "values", *CONDITIONS, "sigma", "counts") if key in arrays}
-    wrong = [key for key, x in known.items() if x.dtype.kind not in "iuf" or x.ndim > (1 if key in CONDITIONS else 3)]
-    wrong += [key for key in ("times", "values") if 0 in known[key].shape]
-    if wrong or names.dtype.kind != "U" or names.ndim != 1:
-        key = (wrong or ["channels"])[0]
-        raise BadFile(
-            f"{name}, {key}",
-            found=f"{arrays[key].dtype.name} of shape {arrays[key].shape}",
-            expected="numbers, a row or one for all of each condition, and names of channels",
+            found=f"no array {', '.join(missing)}" if missing else f"channels: {channels.dtype} {channels.shape}",
+            expected="times, values, the conditions, and a row of names where there are channels",
             remedy="Write it with jshell.service.batches.pack.",
         )
     conditions = Reduced(*(arrays[key] for key in CONDITIONS))
-    channels = tuple(names.tolist())
     return Recordings(
-        arrays["times"], arrays["values"], conditions, arrays.get("sigma"), arrays.get("counts"), channels
-    )
+        arrays["times"], arrays["values"], conditions, arrays.get("sigma"), arrays.get("counts"),
+        tuple(channels.tolist()),
+    )  # fmt: skip

@@ -43,12 +43,12 @@ class Turns:
 
     Attributes:
         patience: Seconds that a request waits for its turn, once a first one is done.
-        waiting: Requests that wait, and the one that is worked on.
+        places: For requests that wait, and the one that is worked on.
     """
 
     def __init__(self, patience: float):
-        self.patience, self.waiting = patience, 0
-        self._turn, self._counting, self._compiled = threading.Lock(), threading.Lock(), False
+        self.patience, self.places = patience, threading.BoundedSemaphore(WAITING)
+        self._turn, self._compiled = threading.Lock(), False
 
     def take(self, work: Callable[[], Any]) -> Any:
         """The work's result.
@@ -56,7 +56,8 @@ class Turns:
         Raises:
             Refused: Too many wait, or for too long.
         """
-        self._count(1)
+        if not self.places.acquire(blocking=False):
+            raise self._busy()
         try:
             if not self._turn.acquire(timeout=self.patience if self._compiled else max(COMPILING, self.patience)):
                 raise self._busy()
@@ -67,13 +68,7 @@ class Turns:
             finally:
                 self._turn.release()
         finally:
-            self._count(-1)
-
-    def _count(self, more: int) -> None:
-        with self._counting:
-            if self.waiting + more > WAITING:
-                raise self._busy()
-            self.waiting += more
+            self.places.release()
 
     @staticmethod
     def _busy() -> Refused:

@@ -45,7 +45,8 @@ def check(
     """Refuse what is no number, or a concrete one outside its meaning; traced values pass, and None where optional."""
     if isinstance(value, Tracer) or (value is None and optional):
         return  # under jit the caller has checked
-    if isinstance(value, str | bytes | list | tuple | dict | complex | None):
+    kind = getattr(value, "dtype", np.dtype(float)).kind  # of texts, dates and complex numbers float() would take some
+    if isinstance(value, str | bytes | list | tuple | dict | complex | None) or kind not in "iufb":
         shown = repr(value) if len(repr(value)) <= 40 else repr(value)[:37] + "..."
         raise BadValue(
             place,

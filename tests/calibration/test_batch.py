@@ -138,6 +138,13 @@ def test_impossible_requests_are_refused(traces):
         fit_batch([])
     with pytest.raises(BadShape, match="recordings"):
         Recordings(np.arange(5.0), np.zeros((2, 3, 5)), traces[0].conditions)
+    of = lambda **change: Reduced(**{"thickness": 0.2, "gas_pressure": 1.0, "outer_pressure": 1.5} | change)  # noqa: E731
+    with pytest.raises(BadShape, match="of each condition a row or one for all"):
+        Recordings(np.arange(5.0), np.zeros((2, 2, 5)), of(thickness=np.full(3, 0.2)))
+    with pytest.raises(BadValue, match=r"recordings, values: found an array of <U1"):
+        Recordings(np.arange(5.0), np.full((2, 2, 5), "a"), of())
+    with pytest.raises(BadValue, match="thickness"):  # complex numbers lost their imaginary part in silence
+        of(thickness=np.full(2, 0.2 + 1j))
 
 
 @pytest.mark.slow

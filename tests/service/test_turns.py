@@ -64,7 +64,8 @@ def test_more_than_may_wait_are_sent_away_at_once():
     for thread in threads[1:]:
         thread.start()
     until = time.monotonic() + 30
-    while turns.waiting < shape.WAITING and time.monotonic() < until:
+    while turns.places.acquire(blocking=False) and time.monotonic() < until:  # until all of them wait
+        turns.places.release()
         time.sleep(0.01)
     began = time.monotonic()
     with pytest.raises(Refused):

@@ -15,7 +15,7 @@ from pydantic import BaseModel, ValidationError
 from starlette.datastructures import ImmutableMultiDict
 
 from jshell.calibration.option_texts import read_texts
-from jshell.calibration.options import OPTIONS, FitOptions, choices_of, default_of, described
+from jshell.calibration.options import CONSTANTS, OPTIONS, FitOptions, choices_of, default_of, described
 from jshell.errors import BadValue, JshellError, NotFound
 from jshell.io.sheets import NUMBER
 from jshell.service.problems import brief, of_validation
@@ -25,14 +25,6 @@ from jshell.service.store import JobRow
 
 Schema = TypeVar("Schema", bound=BaseModel)
 STRICT, MODAL = ("alpha1", "alpha2", "k_vs", "beta1"), ("alpha1", "alpha2", "k_vs", "tau")
-SYMBOLS = {
-    "alpha1": ("α₁", "added-mass factor of the volume"),
-    "alpha2": ("α₂", "added-mass factor of the area"),
-    "k_vs": ("k_VS", "volume-area coupling"),
-    "beta1": ("β₁", "damping factor of the volume"),
-    "beta2": ("β₂", "damping factor of the area"),
-    "tau": ("τ", "decay time of every trace"),
-}
 CONDITIONS = {
     "thickness": "thickness d",
     "youngs_modulus": "Young's modulus E",
@@ -149,7 +141,7 @@ class PageForm:
             if self.text(name):
                 asked[name] = self.number(name)
         fix, bounds, tie, local = {}, {}, {}, []
-        for name in SYMBOLS:
+        for name in CONSTANTS:
             role = self.role(name)
             if role == "fixed":
                 fix[name] = self.number(f"value.{name}")

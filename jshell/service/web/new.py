@@ -10,6 +10,7 @@ from fastapi.responses import HTMLResponse
 
 from jshell import io
 from jshell.calibration.data import usual_channels
+from jshell.calibration.options import CONSTANTS
 from jshell.errors import BadFile, BadValue, JshellError
 from jshell.io.headers import REDUCED_KEYS, SHARED_KEYS, SI_KEYS
 from jshell.quantities import QUANTITIES
@@ -22,8 +23,8 @@ from jshell.service.uploads import Upload
 from jshell.service.web import drawing, series, settle
 from jshell.service.web.films import looked
 from jshell.service.web.fits import handed_in
-from jshell.service.web.forms import CONDITIONS, MODAL, STRICT, SYMBOLS, PageForm, Sent, choice, onward, selects
-from jshell.service.web.templates import shown
+from jshell.service.web.forms import CONDITIONS, MODAL, STRICT, PageForm, Sent, choice, onward, selects
+from jshell.service.web.templates import shown, symbol, words
 
 router = APIRouter(include_in_schema=False, default_response_class=HTMLResponse)
 EXAMPLE = "attached_R_HW.csv"
@@ -185,7 +186,7 @@ def configured(request: Request, here: Service, asked: PageForm, status: int) ->
         "refused": refused,
         "loss": loss,
         "channels": shared,
-        "parameters": [(name, *SYMBOLS[name], _begin(found, name)) for name in own],
+        "parameters": [(name, symbol(name), words(name), _begin(found, name)) for name in own],
         "uncertain": list(CONDITIONS.items()),
         "losses": choice("loss").values[1:],
         "rest": choice("equilibrium"),
@@ -193,7 +194,7 @@ def configured(request: Request, here: Service, asked: PageForm, status: int) ->
         "query": str(request.url.query) if request.method == "GET" else "&".join(f"trace={t}" for t in asked.traces),
         "time": _time(looks),
         "drags": _drags(looks, _time(looks)),
-        "lone": len(looks) == 1 and loss == "modal" and not any(asked.role(name) == "fixed" for name in SYMBOLS),
+        "lone": len(looks) == 1 and loss == "modal" and not any(asked.role(name) == "fixed" for name in CONSTANTS),
     }
     return shown(request, "new.html", given, status)
 
@@ -212,7 +213,7 @@ def _looks(here: Service, traces: Sequence[str]) -> tuple[list[str], list[TraceC
 def _previewed(asked: PageForm, looks: Sequence[TraceContent]) -> Preview:
     fix = {
         name: asked.number(f"value.{name}")
-        for name in SYMBOLS
+        for name in CONSTANTS
         if asked.role(name) == "fixed" and asked.text(f"value.{name}")
     }
     ends = {name: asked.time(name) for name in ("start", "stop") if asked.text(name)}
