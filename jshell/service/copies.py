@@ -15,11 +15,10 @@ import sqlite3
 from pathlib import Path
 
 from jshell.errors import BadStore, BadValue, StoreUnavailable
-from jshell.service.database import parsed, shown, what_else
+from jshell.service.database import left_behind, parsed, refuse_left_behind, shown, what_else
 from jshell.service.tables import DONE, STATES, STEPS
 
 PATIENCE = 60.0  # [s] that a copy waits for somebody who holds the database
-BESIDE = ("-wal", "-shm", "-journal")  # what SQLite keeps beside a database, and reads into any that has its name
 
 
 def backup(url: str, copy: Path) -> dict[str, int]:
@@ -132,14 +131,7 @@ def _refuse_taken(target: Path) -> None:
     """
     if os.path.lexists(target):
         raise _taken(target)
-    left = [path.name for path in (target.with_name(target.name + tail) for tail in BESIDE) if os.path.lexists(path)]
-    if left:
-        raise BadValue(
-            f"file {str(target)!r}", found=f"what another database has left beside it ({', '.join(left)})",
-            expected="nothing of this name",
-            remedy="Name another one, or move these away first: SQLite would read them into the new file. "
-            "They may hold jobs of the former one.",
-        )  # fmt: skip
+    refuse_left_behind(left_behind(target))
 
 
 def _place(part: Path, target: Path) -> None:

@@ -7,11 +7,12 @@ machines have several clocks.
 """
 
 import contextlib
+import os
 import re
 import sqlite3
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import sqlalchemy as sa
@@ -29,6 +30,7 @@ SET_UP = (f"page_size = {PAGE}", "journal_mode = WAL", "synchronous = FULL", "fo
 PATIENCE = 10.0  # [s] that a writer waits for another one
 MAGIC = b"SQLite format 3\0"
 REMOTE = frozenset({"nfs", "nfs4", "cifs", "smb3", "smbfs", "afs", "ceph", "glusterfs", "lustre", "fuse.sshfs"})
+BESIDE = ("-wal", "-shm", "-journal")  # what SQLite keeps beside a database, and takes for that of any of its name
 DAMAGED = ("malformed", "not a database", "corrupt")
 
 
@@ -145,6 +147,7 @@ class Database:
             )
         path = Path(name)
         _refuse_network(path)
+        left = left_behind(path)  # before the file is looked for: another server that makes it begins with the file
         try:
             there, has_folder = path.exists(), path.parent.is_dir()
         except OSError as error:  # a folder on the way may not be entered
@@ -153,6 +156,8 @@ class Database:
             self._look_inside(path)
         elif not has_folder:
             raise self._unavailable(f"no folder {str(path.parent)!r}")
+        else:
+            refuse_left_behind(left)
         engine = sa.create_engine(
             url, pool_size=8, max_overflow=56, connect_args={"timeout": PATIENCE, "check_same_thread": False}
         )
@@ -316,6 +321,27 @@ def _state(path: Path, mode: str) -> tuple[str, str]:
         connection.execute(f"PRAGMA busy_timeout = {int(1000 * PATIENCE)}").close()
         strange = what_else(connection)
         return connection.execute("PRAGMA quick_check(1)").fetchone()[0], strange
+
+
+def left_behind(path: Path) -> list[Path]:
+    """What a database of this name has left beside it."""
+    return [beside for beside in (path.with_name(path.name + tail) for tail in BESIDE) if os.path.lexists(beside)]
+
+
+def refuse_left_behind(left: Sequence[Path]) -> None:
+    """Refuse to make a database where another one has left its log, which may hold jobs that the file lacks.
+
+    Raises:
+        BadValue: It has.
+    """
+    if left:
+        raise BadValue(
+            f"file {str(left[0]).rpartition('-')[0]!r}",
+            found=f"what another database has left beside it ({', '.join(path.name for path in left)})",
+            expected="nothing of this name",
+            remedy="Put these beside the file that they belong to, or name another one: SQLite would read them into "
+            "the new file, or remove them, and they may hold jobs of the former one.",
+        )
 
 
 def _refuse_network(path: Path) -> None:

@@ -85,16 +85,18 @@ def brief(text: object) -> str:
     return words if len(words) <= SHOWN else words[: SHOWN - 1] + "…"
 
 
-def answer(error: JshellError, path: str, more: Mapping[str, Any] = MappingProxyType({})) -> JSONResponse:
-    """An error as the problem object of RFC 9457."""
+def answer(
+    error: JshellError, path: str, more: Mapping[str, Any] = MappingProxyType({}), root: str = ""
+) -> JSONResponse:
+    """An error as the problem object of RFC 9457; `root` is where a proxy in front shows the service."""
     kind = KINDS.get(error.code, KINDS["bad_request"])
     words = JobFailure(**error.record()).words()
     body = {
-        "type": f"/problems/{error.code}",
+        "type": f"{root}/problems/{error.code}",
         "title": kind.title,
         "status": kind.status,
         "detail": f"{error.place}: {words['cause']}. {error.remedy}",
-        "instance": path,
+        "instance": root + path,
         **words,
         **more,
     }
@@ -179,7 +181,7 @@ def rendered(request: Request, error: JshellError, page: Page, more: Mapping[str
     """An error as whoever asks can read it: a program a problem, a browser a page."""
     path = request.scope["path"]
     if path.startswith(("/api/v1", "/healthz", "/metrics", "/openapi.json")):
-        return answer(error, path, more)
+        return answer(error, path, more, request.app.state.service.settings.root_path)
     return page(request, error, KINDS.get(error.code, KINDS["bad_request"]))
 
 

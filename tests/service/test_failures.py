@@ -127,6 +127,17 @@ def test_a_new_file_that_another_server_is_making_is_waited_for(tmp_path):
     store.close()
 
 
+@pytest.mark.parametrize("tail", database.BESIDE)
+def test_no_database_begins_beside_what_another_one_has_left(tmp_path, tail):
+    """The file was moved away without its log: SQLite removed it, and with it the jobs that were in it alone."""
+    left = tmp_path / f"jobs.db{tail}"
+    left.write_bytes(b"jobs of another one")
+    with pytest.raises(BadValue, match=f"jobs.db{tail}.*Put these beside"):
+        Store.open(f"sqlite:///{tmp_path / 'jobs.db'}")
+    assert left.read_bytes() == b"jobs of another one"
+    assert not (tmp_path / "jobs.db").exists()
+
+
 def filled(path: Path) -> None:
     store = Store.open(f"sqlite:///{path}")
     for number in range(50):

@@ -115,3 +115,6 @@ def test_a_service_under_a_path_is_the_same_whether_its_proxy_takes_the_path_awa
             first, second = http.get(path), http.get(root + path)
             assert first.status_code == second.status_code == 404, path
             assert first.headers["content-type"] == second.headers["content-type"], path
+        problem = second.json()  # its addresses are those that whoever asks can open
+        assert (problem["instance"], http.get(problem["type"]).status_code) == (root + path, 200)
+        assert problem["type"] == f"{root}/problems/not_found"
