@@ -125,21 +125,13 @@ class PageForm:
         Raises:
             BadValue: A field that holds no number, or a value that the API refuses.
         """
-        asked: dict[str, Any] = {"traces": self.traces}
-        if self.channels:
-            asked["channels"] = self.channels
-        for name in CHOICES:
-            if self.text(name):
-                asked[name] = self.text(name)
-        for name in TEXTS:
-            if self.text(name).strip():
-                asked[name] = self.written(name)
-        for name in ("start", "stop"):
-            if self.text(name):
-                asked[name] = self.time(name)
-        for name in ("starts", "seed"):
-            if self.text(name):
-                asked[name] = self.number(name)
+        said = lambda *names: [name for name in names if self.text(name)]  # noqa: E731
+        asked: dict[str, Any] = {"traces": self.traces, "profile": self.text("profile") == "on"}
+        asked |= {"channels": self.channels} if self.channels else {}
+        asked |= {name: self.text(name) for name in said(*CHOICES)}
+        asked |= {name: self.written(name) for name in said(*TEXTS)}
+        asked |= {name: self.time(name) for name in said("start", "stop")}
+        asked |= {name: self.number(name) for name in said("starts", "seed")}
         fix, bounds, tie, local = {}, {}, {}, []
         for name in CONSTANTS:
             role = self.role(name)
@@ -151,14 +143,13 @@ class PageForm:
                 tie[name] = self.text(f"tie.{name}")
             if role != "fixed" and self.bounds(name) != (None, None):
                 bounds[name] = self.bounds(name)
-        uncertain: dict[str, Any] = {}
-        for name in CONDITIONS:
-            if self.text(f"known.{name}") == "free":
-                uncertain[name] = None
-            elif self.text(f"known.{name}") == "prior":
-                uncertain[name] = self.number(f"relative.{name}") / 100
+        known = {name: self.text(f"known.{name}") for name in CONDITIONS}
+        uncertain = {
+            name: None if how == "free" else self.number(f"relative.{name}") / 100
+            for name, how in known.items()
+            if how in ("free", "prior")
+        }
         asked |= {"fix": fix, "bounds": bounds, "tie": tie, "local": local, "uncertain": uncertain}
-        asked["profile"] = self.text("profile") == "on"
         return validated(FitRequest, asked, "Correct the field.")
 
     def written(self, name: str) -> Any:
