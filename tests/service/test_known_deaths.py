@@ -35,6 +35,7 @@ def own(cluster) -> Iterator[Cluster]:
     made.stop()
 
 
+@pytest.mark.long
 def test_a_worker_that_comes_back_under_its_old_name_is_another(store):
     """Its last life neither keeps the job from it nor records anything in its place."""
     job = store.submit("simulate", CHEAP, []).job

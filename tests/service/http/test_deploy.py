@@ -62,6 +62,7 @@ def test_parts_belong_together():
     importlib.import_module(services["worker"]["command"][-1])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("part", ["scheduler", "worker"])
 def test_dask_knows_its_options(part):
     words = COMPOSE["services"][part]["command"]
@@ -79,6 +80,7 @@ def test_the_walk_names_options_that_there_are():
     assert all(shlex.split(line) for line in re.findall(r"^docker compose .*$", text, re.M))
 
 
+@pytest.mark.long
 def test_a_name_with_accents_comes_however_a_client_writes_it(http: httpx.Client):
     kind = {"Content-Type": "multipart/form-data; boundary=x"}
     for number, name in enumerate(

@@ -169,6 +169,7 @@ def test_an_identifier_of_another_form_never_reaches_the_database(http, monkeypa
         assert http.post(path, data={"trace": "\x00", "film": "\x00", "look": "\x00"}).status_code == 404, path
 
 
+@pytest.mark.long
 def test_a_form_in_another_alphabet_is_refused(http):
     part = b'--x\r\nContent-Disposition: form-data; name="trace"\r\n\r\n\\ud800\r\n--x--\r\n'
     for charset in ("unicode_escape", "undefined", "utf-7"):
@@ -176,6 +177,7 @@ def test_a_form_in_another_alphabet_is_refused(http):
         assert http.post("/fits", content=part, headers=kind).status_code == 400, charset
 
 
+@pytest.mark.long
 def test_a_channel_with_a_slash_is_taken_and_exported(http, tmp_path):
     lines = RECORDING.read_text().splitlines()
     head = next(row for row, line in enumerate(lines) if not line.startswith("#"))

@@ -32,6 +32,7 @@ def test_told_to_stop_while_the_first_module_is_imported_it_ends_well(tmp_path, 
     assert (done.returncode, done.stderr) == (0, b"")
 
 
+@pytest.mark.long
 def test_another_verb_or_program_ends_as_it_always_did(tmp_path):
     (tmp_path / "platform.py").write_text(EARLY.format("SIGTERM"))
     other = tmp_path / "other.py"

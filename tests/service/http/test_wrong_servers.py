@@ -120,6 +120,7 @@ def test_what_is_sent_has_the_time_of_its_own_bytes_and_no_more(wrong):
         assert time.monotonic() - begun < 1  # a few hundred bytes had been granted two minutes
 
 
+@pytest.mark.long
 def test_a_large_body_on_a_slow_line_is_waited_for(monkeypatch, tmp_path):
     def slow(line: socket.socket) -> None:
         head = line.recv(4096)
@@ -174,6 +175,7 @@ def test_a_list_of_jobs_that_names_itself_as_the_next_page_ends():
             next(jobs)
 
 
+@pytest.mark.long
 def test_who_waits_for_a_job_waits_through_a_restart(tmp_path):
     settings = Settings(db=f"sqlite:///{tmp_path / 'jobs.db'}", warm=False)
     with socket.create_server(("127.0.0.1", 0)) as free:
