@@ -67,7 +67,7 @@ def test_a_file_that_appears_while_a_copy_is_made_stays(tmp_path, monkeypatch, t
         return look(part)
 
     monkeypatch.setattr(copies, "check", meanwhile)
-    with pytest.raises(BadValue, match="(?i)name another"):
+    with pytest.raises(BadValue, match=r"(?i)name another"):
         copies.backup(url, target)
     assert other.read_bytes() == b"somebody else's"
     assert sorted(one.name for one in tmp_path.iterdir()) == [other.name, "jobs.db"]
