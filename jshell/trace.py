@@ -36,6 +36,10 @@ class Trace(eqx.Module):
         outcome: How the run that made it ended; an integer of `Outcome`.
         settings: What else a reader needs to make it again, as text pairs.
         scales: SI values of the units, where the record came from a laboratory.
+
+    Raises:
+        BadShape: A channel that has not one value per time.
+        BadValue: Times, a channel or errors that are no real numbers.
     """
 
     times: Values
@@ -47,6 +51,15 @@ class Trace(eqx.Module):
     scales: Scales | None = eqx.field(default=None, static=True)
 
     def __check_init__(self) -> None:
+        sigmas = {f"sigma[{name!r}]": values for name, values in self.sigma.items()}
+        columns = {f"channel {name!r}": values for name, values in self.channels.items()}
+        for place, values in ({"times": self.times} | columns | sigmas).items():
+            # of complex numbers a fit would read the real part, of texts and objects now this and now that
+            if (kind := getattr(values, "dtype", np.dtype(float))).kind not in "iufb":
+                raise BadValue(
+                    place, found=f"values of type {kind}", expected="real numbers",
+                    remedy="Give np.asarray(values, dtype=float), or the real part of complex ones.",
+                )  # fmt: skip
         shape = getattr(self.times, "shape", None)
         for name, values in self.channels.items():
             found = getattr(values, "shape", None)

@@ -136,11 +136,19 @@ class Scales:
         length: R0 [m].
         pressure: E d/R0 [Pa].
         density: ρ_f [kg/m³].
+
+    Raises:
+        BadValue: One that is not a finite number above 0.
     """
 
     length: Any  # numbers; traced ones while a derivative in SI is taken
     pressure: Any
     density: Any
+
+    def __post_init__(self) -> None:
+        _positive("length [m]", self.length)
+        _positive("pressure [Pa]", self.pressure)
+        _positive("density [kg/m^3]", self.density)
 
     @property
     def time(self) -> Any:

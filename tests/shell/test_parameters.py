@@ -8,8 +8,9 @@ import pytest
 
 from jshell.errors import BadValue
 from jshell.io.headers import CONDITION_KEYS
-from jshell.shell import Reduced
+from jshell.shell import Reduced, Scales
 from jshell.shell.parameters import CONDITION_FIELDS
+from jshell.trace import Trace
 
 SHELL = Reduced(0.22, 0.9, 1.6, 0.004, 1.3, 0.45)
 
@@ -33,3 +34,26 @@ def test_a_changed_copy_keeps_the_rest_and_is_checked():
         SHELL.replace(thickness=-1.0)
     with pytest.raises(TypeError, match="d_hat"):
         SHELL.replace(d_hat=0.1)
+
+
+ODD = [0.2 + 0.1j * np.ones(4), np.array(["0.2"] * 4), np.zeros(4, "M8[s]"), np.array([0.2] * 4, dtype=object)]
+
+
+@pytest.mark.parametrize("odd", ODD, ids=lambda odd: str(odd.dtype))
+def test_what_is_no_real_number_is_refused_where_a_shell_or_a_record_is_made(odd):
+    """Of complex values the fits read the real part in silence, of texts some what they spell."""
+    good = np.arange(4.0)
+    for make in (
+        lambda: Reduced(odd, 0.9, 1.6),
+        lambda: Scales(odd, 1.0, 1.0),
+        lambda: Trace(odd, {"V": good}),
+        lambda: Trace(good, {"V": odd}),
+        lambda: Trace(good, {"V": good}, sigma={"V": odd}),
+    ):
+        with pytest.raises(BadValue, match="expected real numbers|, a ndarray"):
+            make()
+
+
+def test_scales_are_above_zero():
+    with pytest.raises(BadValue, match="density"):  # its unit of time was NaN
+        Scales(1e-3, 1e4, -1000.0)
