@@ -50,7 +50,7 @@ def test_what_is_no_real_number_is_refused_where_a_shell_or_a_record_is_made(odd
         lambda: Trace(good, {"V": odd}),
         lambda: Trace(good, {"V": good}, sigma={"V": odd}),
     ):
-        with pytest.raises(BadValue, match="expected real numbers|, a ndarray"):
+        with pytest.raises(BadValue, match=r"expected real numbers|, a ndarray"):
             make()
 
 
