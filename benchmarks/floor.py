@@ -125,7 +125,7 @@ def compare(samples: int) -> None:
     from serving import changed
 
     from jshell.calibration import Recordings, fit_batch
-    from jshell.service.batches import CONDITIONS
+    from jshell.calibration.recordings_file import CONDITIONS
 
     whole, _ = recordings(ROWS, 0.01)
     every = whole.values.shape[2] // samples

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from jshell import io
-from jshell.calibration import Recordings, fit_batch
+from jshell.calibration import Recordings, fit_batch, recordings_file
 from jshell.calibration.recordings import stacked
 from jshell.oscillator import random_shell, random_trace
 from jshell.service import batches, tasks
@@ -158,13 +158,13 @@ def batch_job_rate(url: str, records: Recordings) -> float:
     store = Store.open(url, queue=10**6)
     worker = Worker(Settings(db=url, seconds=PATIENCE), store)
     worker.start()
-    content = batches.pack(records)
+    content = recordings_file.encode(records)
     trace = store.add_trace("many.npz", content).id
     wait(store, [store.submit("batch", {"seed": 1}, [trace]).job.id])
     rows = np.shape(records.values)[0]
     values = np.array(records.values)
     values[0, 0, 0] = np.nextafter(values[0, 0, 0], 9)  # other bytes: a new upload
-    again = batches.pack(Recordings(records.times, values, records.conditions, records.sigma, records.counts))
+    again = recordings_file.encode(Recordings(records.times, values, records.conditions, records.sigma, records.counts))
     began = time.perf_counter()
     trace = store.add_trace("again.npz", again).id
     job = store.submit("batch", {"seed": 2}, [trace]).job.id

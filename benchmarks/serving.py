@@ -31,9 +31,9 @@ from urllib.parse import urlsplit
 import numpy as np
 
 from jshell import Client, Reduced
-from jshell.calibration import Recordings, fit_batch
+from jshell.calibration import Recordings, fit_batch, recordings_file
+from jshell.calibration.recordings_file import CONDITIONS
 from jshell.io import read_trace, write_trace
-from jshell.service import batches
 from jshell.trace import Trace
 
 CLIENTS, FITS = 32, 1_000
@@ -206,13 +206,13 @@ def handed(kind: str, records: Recordings, folder: Path) -> tuple[Callable, Call
         )
     if kind == "npz":
         path = folder / "batch.npz"
-        path.write_bytes(batches.pack(records))
+        path.write_bytes(recordings_file.encode(records))
         return (
-            lambda seed: fit_batch(batches.unpack(path.read_bytes()), seed=seed),
+            lambda seed: fit_batch(recordings_file.decode(path.read_bytes()), seed=seed),
             lambda client, seed: client.fit_batch(path, seed=seed, seconds=1800),
         )
     paths, whole = [folder / f"{row:05d}.csv" for row in range(ROWS)], folder / "traces.zip"
-    conditions = np.array([np.broadcast_to(getattr(records.conditions, n), (ROWS,)) for n in batches.CONDITIONS])
+    conditions = np.array([np.broadcast_to(getattr(records.conditions, n), (ROWS,)) for n in CONDITIONS])
     with zipfile.ZipFile(whole, "w") as archive:
         for path, values, mine in zip(paths, records.values, conditions.T, strict=True):
             write_trace(path, Trace(np.asarray(records.times), dict(zip("VS", values, strict=True)), Reduced(*mine)))

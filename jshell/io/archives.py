@@ -14,6 +14,7 @@ import numpy as np
 
 from jshell.errors import BadFile
 from jshell.files import NamedBytes
+from jshell.io import zip_files
 from jshell.io.arrays import SETTINGS, check_array, refuse_names, settings_text, sheet_of
 from jshell.io.choices import Reading
 from jshell.io.files import SPOILED, check_size, spoiled
@@ -21,7 +22,6 @@ from jshell.io.headers import CONDITION_KEYS
 from jshell.io.sheets import Sheet, title
 
 WORDS = "NumPy archive"
-_HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 
 
 def read(file: NamedBytes, choices: Reading, required: Sequence[str] = ()) -> Sheet:
@@ -60,25 +60,15 @@ def _arrays(source: str, archive: zipfile.ZipFile, members: list[zipfile.ZipInfo
                 remedy="Write the archive with `numpy.savez`; export a spreadsheet as CSV in UTF-8.",
             )
         try:
-            with warnings.catch_warnings(), archive.open(member) as file:
+            with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                shape, _, dtype = _HEADERS[np.lib.format.read_magic(file)](file)
-                content = member.file_size - file.tell()
+                shape, dtype, _ = zip_files.head(archive, member)
         except SPOILED as error:
             raise spoiled(source, f"{WORDS} (array `{name}`)", error) from None
         place = f"{source}, array `{name}`"
         check_array(place, shape, "O" if dtype.hasobject else dtype.kind, dtype.itemsize)
-        claimed = int(np.prod(shape, dtype=object)) * dtype.itemsize
-        if claimed != content:
-            raise BadFile(
-                place,
-                found=f"{content} bytes for a claim of {claimed}",
-                expected="as many as the shape tells",
-                remedy="Write the archive again.",
-            )
         try:
-            with archive.open(member) as file:
-                yield name, np.lib.format.read_array(file, allow_pickle=False)
+            yield name, zip_files.array(archive, member)
         except SPOILED as error:
             raise spoiled(source, f"{WORDS} (array `{name}`)", error) from None
 

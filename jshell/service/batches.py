@@ -1,6 +1,6 @@
 """Thousands of traces in one file, and what was found for each in another.
 
-A batch is an `.npz` of arrays (`pack`), a `.zip` of trace files, or several
+A batch is an `.npz` of arrays (`save_recordings`), a `.zip` of trace files, or several
 uploads. A file of a zip that cannot be read costs its own row and no other.
 """
 
@@ -10,18 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from jshell.calibration import BatchResult, Recordings, fit_batch
+from jshell.calibration import BatchResult, Recordings, fit_batch, recordings_file
 from jshell.errors import BadFile, BadValue, JshellError, Outcome
 from jshell.files import NamedBytes
-from jshell.io import read_trace
-from jshell.service import archives
-from jshell.service.archives import Content
+from jshell.io import read_trace, zip_files
+from jshell.io.zip_files import Content
 from jshell.service.encoding import as_csv, neutral
-from jshell.shell.parameters import CONDITION_FIELDS, Reduced
 from jshell.trace import Trace
 
-CONDITIONS = tuple(CONDITION_FIELDS.values())
-LARGE = ("times", "values")
 FREE = "free_directions"
 PLAIN = (FREE, "absolute", "loss", "channels")  # of a result: all but its columns
 
@@ -33,30 +29,6 @@ class Batch:
     records: Recordings | list[Trace]
     names: tuple[str, ...]
     refused: Mapping[int, JshellError]
-
-
-def pack(records: Recordings) -> bytes:
-    """Records as one `.npz`, for an upload; it names their channels unless they are V and S."""
-    rows = np.shape(records.values)[0]
-    arrays = {"times": np.asarray(records.times), "values": np.asarray(records.values)}
-    for name in CONDITIONS:
-        arrays[name] = np.broadcast_to(np.asarray(getattr(records.conditions, name), float), (rows,))
-    for name in ("sigma", "counts"):
-        if getattr(records, name) is not None:
-            arrays[name] = np.asarray(getattr(records, name))
-    if records.channels != ("V", "S"):
-        arrays["channels"] = np.array(records.channels, dtype=str)
-    return archives.pack(arrays)
-
-
-def unpack(content: Content, name: str = "batch.npz") -> Recordings:
-    """Records from such a file.
-
-    Raises:
-        BadFile: No archive of plain arrays, or one of them is missing.
-        BadShape, BadValue: As `jshell.calibration.Recordings`.
-    """
-    return _records(archives.unpack(content, name), name)
 
 
 def read(files: Sequence[tuple[str, Content]], needed: Sequence[str] | None = None) -> Batch:
@@ -72,12 +44,12 @@ def read(files: Sequence[tuple[str, Content]], needed: Sequence[str] | None = No
     """
     if len(files) == 1 and files[0][0].lower().endswith(".npz"):
         name, content = files[0]
-        if "values" in archives.names(content, name):
-            records = unpack(content, name)
+        if "values" in zip_files.names(content, name):
+            records = recordings_file.decode(content, name)
             return Batch(records, tuple(numbered(np.shape(records.values)[0])), {})
     listed: list[tuple[str, Content]] = []
     for name, content in files:
-        listed += archives.files(name, content) if name.lower().endswith(".zip") else [(name, content)]
+        listed += zip_files.files(name, content) if name.lower().endswith(".zip") else [(name, content)]
     if not listed:
         raise BadValue("traces", found="none", expected="at least one trace", remedy="Upload one.")
     made: dict[int, Trace] = {}
@@ -130,7 +102,7 @@ def pack_result(found: BatchResult, names: Sequence[str] | None = None) -> bytes
     arrays["free_words"] = np.array([words for _, words in found.free_directions], dtype=str)
     if names is not None and list(names) != numbered(len(found)):
         arrays["names"] = np.array(names, dtype=str)
-    return archives.pack(arrays)
+    return zip_files.pack(arrays)
 
 
 def unpack_result(content: bytes) -> BatchResult:
@@ -140,7 +112,7 @@ def unpack_result(content: bytes) -> BatchResult:
         BadFile: Not such a file.
     """
     name = "record.npz"
-    arrays = archives.unpack(content, name)
+    arrays = zip_files.unpack(content, name)
     arrays.pop("names", None)
     try:
         directions = zip(arrays.pop("free_rows").tolist(), map(str, arrays.pop("free_words")), strict=True)
@@ -159,7 +131,7 @@ def table(record: bytes) -> bytes:
         BadFile: Not such a record.
     """
     found = unpack_result(record)
-    given = archives.unpack(record, "record.npz").get("names")
+    given = zip_files.unpack(record, "record.npz").get("names")
     names = numbered(len(found)) if given is None else given.tolist()
     columns = found.columns()
     rows = zip(map(neutral, names), *(values.tolist() for values in columns.values()), strict=True)
@@ -169,31 +141,3 @@ def table(record: bytes) -> bytes:
 def numbered(rows: int) -> list[str]:
     """Names of rows that have none of their own."""
     return [str(row + 1) for row in range(rows)]
-
-
-def count(content: bytes, name: str) -> int:
-    """Records in an `.npz` of them, or 0 where it holds something else; of times and values only the heads are read.
-
-    Raises:
-        BadFile, BadShape, BadValue: As `unpack`, as far as heads tell.
-    """
-    if "values" not in archives.names(content, name):
-        return 0
-    return np.shape(_records(archives.unpack(content, name, heads=LARGE), name).values)[0]
-
-
-def _records(arrays: Mapping[str, np.ndarray], name: str) -> Recordings:
-    missing = [key for key in ("times", "values", *CONDITIONS) if key not in arrays]
-    channels = arrays.get("channels", np.array(["V", "S"]))
-    if missing or channels.dtype.kind != "U" or channels.ndim != 1:
-        raise BadFile(
-            name,
-            found=f"no array {', '.join(missing)}" if missing else f"channels: {channels.dtype} {channels.shape}",
-            expected="times, values, the conditions, and a row of names where there are channels",
-            remedy="Write it with jshell.service.batches.pack.",
-        )
-    conditions = Reduced(*(arrays[key] for key in CONDITIONS))
-    return Recordings(
-        arrays["times"], arrays["values"], conditions, arrays.get("sigma"), arrays.get("counts"),
-        tuple(channels.tolist()),
-    )  # fmt: skip

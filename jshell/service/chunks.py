@@ -13,8 +13,9 @@ from typing import Protocol
 import numpy as np
 
 from jshell.calibration import BatchResult, Recordings
-from jshell.service import archives
-from jshell.service.batches import CONDITIONS, PLAIN, pack
+from jshell.calibration.recordings_file import CONDITIONS, encode
+from jshell.io import zip_files
+from jshell.service.batches import PLAIN
 from jshell.shell import Reduced
 
 STEP = 1024  # records that the fit takes at once: a chunk is a multiple of them
@@ -92,8 +93,8 @@ def count(whole: Whole) -> int:
 def packed(chunk: Whole) -> File:
     """A chunk as the file that is handed in."""
     if isinstance(chunk, Recordings):
-        return "batch.npz", pack(chunk)
-    return chunk[0] if len(chunk) == 1 else ("traces.zip", archives.pack_files(chunk))
+        return "batch.npz", encode(chunk)
+    return chunk[0] if len(chunk) == 1 else ("traces.zip", zip_files.pack_files(chunk))
 
 
 def chosen(whole: Whole, rows: np.ndarray) -> Whole:

@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from jshell.calibration import BatchResult, FitResult, Recordings
+from jshell.calibration import BatchResult, FitResult, Recordings, recordings_file
 from jshell.calibration.recordings import stacked
 from jshell.dynamics import Mode, OrderMode
 from jshell.errors import BadValue, JshellError, require_extra
-from jshell.service import batches, chunks, receiving, sending
+from jshell.service import chunks, receiving, sending
 from jshell.service.asking import Asking
 from jshell.service.asking import Unreachable as Unreachable
 from jshell.service.kinds import PLURAL
@@ -218,7 +218,7 @@ class Client(Asking):
         if isinstance(traces, str | Path):
             return self._submit_batch(*sending.content(traces), key, options)
         records = traces if isinstance(traces, Recordings) else stacked(list(traces))
-        return self._submit_batch("batch.npz", batches.pack(records), key, options)
+        return self._submit_batch("batch.npz", recordings_file.encode(records), key, options)
 
     def _submit_batch(self, name: str, content: bytes, key: str | None, options: Mapping[str, Any]) -> Job:
         words = json.dumps(sending.plain(options))

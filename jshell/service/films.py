@@ -20,7 +20,7 @@ from jshell.camera.outline import Outline, find_outline
 from jshell.camera.pictures import is_picture
 from jshell.errors import BadFile, JshellError, require_extra
 from jshell.io.files import SPOILED, bytes_written
-from jshell.service.archives import Content
+from jshell.io.zip_files import Content
 from jshell.service.encoding import as_json
 
 SIDE = 900  # pixels of the first look's longer side at most

@@ -11,7 +11,7 @@ from jshell.calibration.options import check_names
 from jshell.files import NamedBytes
 from jshell.inversion import Inversion, Snap, Unknown
 from jshell.inversion import invert as invert_traces
-from jshell.service.archives import Content
+from jshell.io.zip_files import Content
 from jshell.service.encoding import as_csv, as_json
 
 HOW = ("channels", "start", "stop", "free_rest", "nuisance", "exact", "elements")  # as `jshell.invert` calls them

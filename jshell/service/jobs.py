@@ -7,10 +7,11 @@ from pathlib import PurePath
 from typing import Any
 
 import jshell
-from jshell.calibration import BatchResult, FitResult
+from jshell.calibration import BatchResult, FitResult, recordings_file
 from jshell.errors import BadFile, BadValue, JshellError, NotFound
 from jshell.files import NamedBytes
-from jshell.service import archives, batches
+from jshell.io import zip_files
+from jshell.service import batches
 from jshell.service.encoding import neutral_csv
 from jshell.service.kinds import KINDS, PLURAL
 from jshell.service.problems import Refused
@@ -219,11 +220,11 @@ def packed(name: str, content: bytes) -> int:
     """
     if not content.strip():
         raise BadFile(name, found="an empty file", expected="traces", remedy="Check how the file was written.")
-    if name.lower().endswith(".npz") and (found := batches.count(content, name)):
+    if name.lower().endswith(".npz") and (found := recordings_file.count(content, name)):
         return found
     if not name.lower().endswith(".zip"):
         return 1
-    with archives.opened(content, name) as archive:
+    with zip_files.opened(content, name) as archive:
         return sum(not member.is_dir() for member in archive.infolist())
 
 

@@ -8,14 +8,14 @@ from pathlib import Path
 from typing import Any
 
 from jshell import io
-from jshell.calibration import Recordings
+from jshell.calibration import Recordings, recordings_file
 from jshell.calibration.options import OPTIONS, FitOptions, check_names
 from jshell.calibration.recordings import stacked
 from jshell.errors import BadValue
 from jshell.files import NamedBytes
 from jshell.inversion.unknowns import as_unknown
+from jshell.io import zip_files
 from jshell.io.files import read_bytes
-from jshell.service import archives, batches
 from jshell.service.chunks import Whole
 from jshell.shell.parameters import Reduced
 from jshell.trace import Trace
@@ -125,7 +125,7 @@ def whole(traces: Recordings | Sequence[Trace] | str | Path) -> Whole:
         return stacked(list(traces))
     name, found = content(traces)
     if name.lower().endswith(".zip"):
-        return archives.files(name, found)
-    if name.lower().endswith(".npz") and batches.count(found, name):
-        return batches.unpack(found, name)
+        return zip_files.files(name, found)
+    if name.lower().endswith(".npz") and recordings_file.count(found, name):
+        return recordings_file.decode(found, name)
     return [(name, found)]

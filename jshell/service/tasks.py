@@ -23,9 +23,9 @@ from jshell.errors import BadValue, JshellError, LimitReached, choose
 from jshell.files import NamedBytes
 from jshell.io.files import bytes_written
 from jshell.io.records import encode_record
+from jshell.io.zip_files import Content
 from jshell.oscillator import Coefficients
 from jshell.service import batches, films, inversions
-from jshell.service.archives import Content
 from jshell.service.encoding import as_csv, as_json
 from jshell.service.log import trace_of
 from jshell.service.shape import rounded

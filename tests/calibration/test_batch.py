@@ -3,8 +3,17 @@
 import numpy as np
 import pytest
 
-from jshell.calibration import BatchResult, Recordings, bootstrap_frequencies, fit_batch, fit_trajectories
-from jshell.errors import BadName, BadShape, BadValue, Outcome
+from jshell.calibration import (
+    BatchResult,
+    Recordings,
+    bootstrap_frequencies,
+    fit_batch,
+    fit_trajectories,
+    load_recordings,
+    save_recordings,
+)
+from jshell.calibration.recordings import stacked
+from jshell.errors import BadFile, BadName, BadShape, BadValue, Outcome
 from jshell.oscillator import random_shell, random_trace
 from jshell.shell import Reduced
 from jshell.trace import Trace
@@ -182,3 +191,18 @@ def test_bootstrap_scatters_as_the_standard_errors_say():
         assert np.std(scatter[name]) == pytest.approx(scatter.whole[name].stderr, rel=0.4)
     low, high = scatter.interval("alpha1", 0.95)
     assert low < 3.6 < high
+
+
+def test_recordings_are_kept_in_a_file(tmp_path, traces):
+    records = stacked(list(traces))
+    path = save_recordings(records, tmp_path / "many.npz")
+    back = load_recordings(path)
+    for name in ("times", "values"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(records, name))
+    assert back.channels == records.channels
+    np.testing.assert_array_equal(back.conditions.thickness, records.conditions.thickness)
+    with pytest.raises(BadFile, match="Check it"):
+        save_recordings(records, tmp_path / "no folder" / "many.npz")
+    np.savez(path, times=np.arange(3.0))
+    with pytest.raises(BadFile, match="no array values"):
+        load_recordings(path)

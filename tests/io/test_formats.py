@@ -306,7 +306,7 @@ def test_a_claim_of_gigabytes_is_refused_before_memory_is_asked_for(tmp_path):
     with pytest.raises(BadFile, match=r"array `t`: found 2 GiB; expected at most 0\.5 GiB"):
         read_trace(tmp_path / "a.npz")
     claim(2**20, 64)
-    with pytest.raises(BadFile, match="found 64 bytes for a claim of 8388608"):
+    with pytest.raises(BadFile, match="holds 64 bytes for a claim of 8388608"):
         read_trace(tmp_path / "a.npz")
     raw = bytearray((tmp_path / "a.npz").read_bytes())
     at = raw.index(b"PK\x01\x02") + 24  # the size after unpacking, in the list of members

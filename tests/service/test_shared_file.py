@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from jshell.service import archives, shared_file
+from jshell.io import zip_files
+from jshell.service import shared_file
 
 
 def test_files_are_seen_where_they_lie_and_written_over_by_the_next_job(monkeypatch):
@@ -41,9 +42,9 @@ def test_a_full_disk_says_so_and_leaves_a_file_that_works(monkeypatch):
 
 
 def test_an_archive_is_read_where_it_lies():
-    content = archives.pack_files([("a.csv", b"first"), ("b.csv", os.urandom(10_000))])
-    assert archives.files("many.zip", memoryview(content)) == archives.files("many.zip", content)
+    content = zip_files.pack_files([("a.csv", b"first"), ("b.csv", os.urandom(10_000))])
+    assert zip_files.files("many.zip", memoryview(content)) == zip_files.files("many.zip", content)
     with pytest.raises(OSError, match="before"):
-        archives._Looked(content).seek(-1)
-    with pytest.raises(archives.BadFile, match="no archive"):
-        archives.files("many.zip", memoryview(b"no zip"))
+        zip_files._Looked(content).seek(-1)
+    with pytest.raises(zip_files.BadFile, match="no archive"):
+        zip_files.files("many.zip", memoryview(b"no zip"))

@@ -13,11 +13,12 @@ import pytest
 
 import jshell
 from jshell import calibration, dynamics, io
-from jshell.calibration import BatchResult, Recordings, fit_batch
+from jshell.calibration import BatchResult, Recordings, fit_batch, recordings_file
 from jshell.calibration.recordings import stacked
 from jshell.errors import BadFile, JshellError, Outcome
+from jshell.io import zip_files
 from jshell.oscillator import random_shell, random_trace
-from jshell.service import archives, batches, chunks, tasks
+from jshell.service import batches, chunks, tasks
 from jshell.trace import Trace
 
 CONDITIONS = {"d_hat": 0.08, "P0_hat": 0.9, "Pext_hat": 1.2, "eta_hat": 0.004}
@@ -177,7 +178,7 @@ def short() -> Recordings:
 
 
 def test_records_and_results_travel_to_the_bit(short):
-    back = batches.unpack(batches.pack(short))
+    back = recordings_file.decode(recordings_file.encode(short))
     for name in ("times", "values", "sigma", "counts"):
         np.testing.assert_array_equal(getattr(back, name), getattr(short, name))
     np.testing.assert_array_equal(back.conditions.viscosity, short.conditions.viscosity)
@@ -190,7 +191,7 @@ def test_records_and_results_travel_to_the_bit(short):
 
 
 def test_an_upload_of_arrays_is_a_batch(short):
-    answer = tasks.run("batch", {}, [("many.npz", batches.pack(short))])
+    answer = tasks.run("batch", {}, [("many.npz", recordings_file.encode(short))])
     assert answer.error is None
     found = batches.unpack_result(answer.files["record.npz"])
     assert [one.word for one in found.outcomes] == ["unusable_data"] * 2
@@ -213,12 +214,12 @@ def test_recordings_of_a_camera_are_a_batch_as_they_are_and_strange_among_others
 def test_a_batch_of_other_channels_travels_with_their_names(short):
     values, sigma = np.asarray(short.values)[:, :1], np.full((2, 1), 0.1)
     heights = Recordings(short.times, values, short.conditions, sigma, short.counts, ("H",))
-    answer = tasks.run("batch", {"channels": ["H"], "noise": "white"}, [("many.npz", batches.pack(heights))])
+    answer = tasks.run("batch", {"channels": ["H"], "noise": "white"}, [("many.npz", recordings_file.encode(heights))])
     found = batches.unpack_result(answer.files["record.npz"])
     assert (found.loss, found.channels) == ("modal", ("H",))
     assert "H_slow_cos" in batches.table(answer.files["record.npz"]).decode()
     assert chunks.chosen(heights, np.array([1])).channels == ("H",)
-    assert tasks.run("batch", {"loss": "strict"}, [("many.npz", batches.pack(heights))]).error is not None
+    assert tasks.run("batch", {"loss": "strict"}, [("many.npz", recordings_file.encode(heights))]).error is not None
 
 
 def same(found: BatchResult, expected: BatchResult) -> None:
@@ -288,22 +289,22 @@ def test_an_archive_is_numpys_own_and_read_without_its_numbers(short):
     arrays = {"values": short.values, "one": np.array(1.5), "none": np.array([], dtype=str)}
     expected = streams.BytesIO()
     np.savez(expected, allow_pickle=False, **arrays)
-    assert archives.pack(arrays) == expected.getvalue()
+    assert zip_files.pack(arrays) == expected.getvalue()
     squeezed = streams.BytesIO()
     np.savez_compressed(squeezed, **arrays | {"values": np.asfortranarray(short.values)})
     by_columns = streams.BytesIO()
     np.savez(by_columns, **arrays | {"values": np.asfortranarray(short.values)})
     for file in (expected, squeezed, by_columns):
-        found = archives.unpack(file.getvalue(), "a.npz")
+        found = zip_files.unpack(file.getvalue(), "a.npz")
         for name, array in arrays.items():
             assert found[name].dtype == array.dtype
             np.testing.assert_array_equal(found[name], array, strict=True)
-    assert batches.count(batches.pack(short), "a.npz") == 2
-    assert batches.count(expected.getvalue().replace(b"values", b"volume"), "a.npz") == 0
+    assert recordings_file.count(recordings_file.encode(short), "a.npz") == 2
+    assert recordings_file.count(expected.getvalue().replace(b"values", b"volume"), "a.npz") == 0
     spoiled = bytearray(expected.getvalue())
     spoiled[spoiled.index(b"NUMPY") + 200] ^= 1  # in the middle of the numbers
     with pytest.raises(BadFile, match=r"CRC|damaged"):
-        archives.unpack(bytes(spoiled), "a.npz")
+        zip_files.unpack(bytes(spoiled), "a.npz")
 
 
 @pytest.mark.parametrize("content", [b"", b"PK\x03\x04 torn", b"no archive"], ids=["empty", "torn", "text"])
@@ -322,7 +323,7 @@ def test_an_array_that_claims_more_than_it_holds_is_refused_before_memory_is_ask
     with zipfile.ZipFile(file, "w") as archive:
         archive.writestr("values.npy", head.getvalue() + bytes(16))
     with pytest.raises(BadFile, match="holds 16 bytes for a claim of 8000000000000000"):
-        archives.unpack(file.getvalue(), "a.npz")
+        zip_files.unpack(file.getvalue(), "a.npz")
 
 
 def test_pickles_are_never_opened():
@@ -345,7 +346,7 @@ def test_a_batch_is_the_librarys_own_to_the_bit(tmp_path):
         for number, trace in enumerate(traces):
             archive.writestr(f"{number:03}.npz", written(trace, tmp_path, "trace.npz"))
     expected = fit_batch(traces)
-    for content, name in ((file.getvalue(), "a.zip"), (batches.pack(stacked(traces)), "a.npz")):
+    for content, name in ((file.getvalue(), "a.zip"), (recordings_file.encode(stacked(traces)), "a.npz")):
         found = batches.unpack_result(tasks.run("batch", {}, [(name, content)]).files["record.npz"])
         for field in BatchResult.__dataclass_fields__:
             np.testing.assert_array_equal(getattr(found, field), getattr(expected, field))

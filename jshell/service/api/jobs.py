@@ -84,7 +84,7 @@ def batch(
         list[UploadFile],
         File(
             min_length=1,
-            description="One .npz of arrays (`jshell.service.batches.pack`), one .zip of trace files, or traces.",
+            description="One .npz of arrays (`jshell.calibration.save_recordings`), one .zip of traces, or traces.",
         ),
     ],
     options: Annotated[str, Form(description=OPTIONS)] = "{}",

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 import jshell
+from jshell.calibration import recordings_file
 from jshell.calibration.recordings import Recordings
 from jshell.oscillator import SOURCE, fitted_decay_time, frequencies
-from jshell.service import batches
 from jshell.service.settings import Settings
 
 from .conftest import RECORDING, listening
@@ -234,7 +234,7 @@ def packed_batch() -> bytes:
     conditions = jshell.Reduced(
         np.full(3, 0.1), np.ones(3), np.full(3, 1.4), np.full(3, 0.01), np.full(3, 1.4), np.full(3, 0.5)
     )
-    return batches.pack(Recordings(times, values, conditions))
+    return recordings_file.encode(Recordings(times, values, conditions))
 
 
 def test_a_batch_is_checked_at_the_door(http):

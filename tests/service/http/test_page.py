@@ -12,7 +12,7 @@ import pytest
 from playwright.sync_api import expect
 
 import jshell
-from jshell.calibration import BatchResult, Recordings, fit_batch
+from jshell.calibration import BatchResult, Recordings, fit_batch, recordings_file
 from jshell.errors import BadName, BadValue
 from jshell.service import batches, chunks
 
@@ -252,7 +252,9 @@ def archived(client: jshell.Client, records: Recordings, path: Path, sound: int)
     """What comes of the records as trace files, all but the first few of them spoiled."""
     with zipfile.ZipFile(path, "w") as archive:
         for row, values in enumerate(records.values):
-            conditions = jshell.Reduced(*(float(getattr(records.conditions, name)[row]) for name in batches.CONDITIONS))
+            conditions = jshell.Reduced(
+                *(float(getattr(records.conditions, name)[row]) for name in recordings_file.CONDITIONS)
+            )
             trace = jshell.Trace(records.times, dict(zip("VS", values, strict=True)), conditions)
             jshell.io.write_trace(path.with_suffix(".csv"), trace)
             archive.writestr(f"{row}.csv", path.with_suffix(".csv").read_bytes() if row < sound else b"spoiled")
@@ -268,7 +270,7 @@ def test_a_batch_goes_up_in_chunks_and_its_table_and_report_are_made_when_asked_
     records = Recordings(0.1 * np.arange(20.0), values, shells, np.full((3, 2), 0.1), np.array([20, 19, 18]))
     with jshell.Client(served) as client:
         found, expected = client.fit_batch(records, seconds=100), fit_batch(records)
-        (tmp_path / "batch.npz").write_bytes(batches.pack(records))
+        (tmp_path / "batch.npz").write_bytes(recordings_file.encode(records))
         again = client.fit_batch(tmp_path / "batch.npz", seconds=100)
         for name in BatchResult.__dataclass_fields__:
             np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))

@@ -19,6 +19,7 @@ from jshell.errors import BadFile
 from jshell.io.files import SPOILED, check_size
 
 Content = bytes | memoryview  # what a file holds, or where that lies
+_HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
 
 
 class _Looked(streams.RawIOBase):
@@ -96,7 +97,7 @@ def unpack(content: Content, name: str, *, heads: Collection[str] = ()) -> dict[
     blank = tuple(f"{one}.npy" for one in heads)
     with opened(content, name) as archive:
         return {
-            one.filename.removesuffix(".npy"): (_blank if one.filename in blank else _array)(archive, one)
+            one.filename.removesuffix(".npy"): (_blank if one.filename in blank else array)(archive, one)
             for one in archive.infolist()
             if one.filename.endswith(".npy")
         }
@@ -125,29 +126,36 @@ def opened(content: Content, name: str) -> Iterator[zipfile.ZipFile]:
 
 
 def _blank(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:
-    with archive.open(member) as file:
-        shape, _, kind = _head(file)
+    shape, kind, _ = head(archive, member)
     return np.broadcast_to(np.zeros((), kind), shape)
 
 
-def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:
+def head(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> tuple[tuple[int, ...], np.dtype, int]:
+    """Shape and kind of an array, and how many bytes follow.
+
+    Raises:
+        ValueError, EOFError, zipfile.BadZipFile: It is none, or spoiled.
+    """
     with archive.open(member) as file:
-        shape, _, kind = _head(file)
-        claimed, held = int(np.prod(shape, dtype=object)) * kind.itemsize, member.file_size - file.tell()
-    if claimed != held:  # before memory is asked for
+        version = npy.read_magic(file)
+        if version not in _HEADERS:
+            raise ValueError(f"version {version} of the format")
+        shape, _, kind = _HEADERS[version](file)
+        return shape, kind, member.file_size - file.tell()
+
+
+def array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:
+    """An array of an archive; what it claims to hold is compared with what there is before memory is asked for.
+
+    Raises:
+        ValueError, EOFError, zipfile.BadZipFile: It is none, or spoiled.
+    """
+    shape, kind, held = head(archive, member)
+    claimed = int(np.prod(shape, dtype=object)) * kind.itemsize
+    if claimed != held:
         raise zipfile.BadZipFile(f"{member.filename} holds {held} bytes for a claim of {claimed}")
     with archive.open(member) as file:
         return npy.read_array(file, allow_pickle=False)
-
-
-def _head(file: Any) -> tuple[tuple[int, ...], bool, np.dtype]:
-    """Shape, whether by columns, and kind of an array."""
-    version = npy.read_magic(file)
-    if version == (1, 0):
-        return npy.read_array_header_1_0(file)
-    if version == (2, 0):
-        return npy.read_array_header_2_0(file)
-    raise ValueError(f"version {version} of the format")
 
 
 def names(content: Content, name: str) -> set[str]:
