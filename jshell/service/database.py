@@ -21,7 +21,6 @@ from sqlalchemy.engine import make_url
 
 from jshell.errors import BadStore, BadValue, JshellError, StoreUnavailable, require_extra
 from jshell.service import tables
-from jshell.service.checkpoints import LONGEST, Checkpoints
 from jshell.service.log import log
 from jshell.service.statements import SERVER_CLOCK
 
@@ -55,7 +54,6 @@ class Database:
         self.sqlite = kind == "sqlite"
         self.place = f"database {self.url.render_as_string(hide_password=True)!r}"
         self._turn, self._closed = threading.Lock(), False
-        self._checkpoints = Checkpoints(self._checkpoint)
         with self._driver_agrees():
             self._engine = self._open_file(self.url) if self.sqlite else self._reach(self.url)
         event.listen(self._engine, "checkin", self._returned)
@@ -94,7 +92,6 @@ class Database:
 
     def close(self) -> None:
         """Let go of every connection; one still in use is closed when its user returns it."""
-        self._checkpoints.close()
         self._closed = True
         self._engine.dispose()
 
@@ -131,13 +128,7 @@ class Database:
                 with connection.begin():
                     yield connection
         finally:
-            self._checkpoints.wrote()
             self._turn.release()
-
-    def _checkpoint(self) -> None:
-        """Copy SQLite's log to its places, as far as no reader needs what is there."""
-        with contextlib.closing(self._engine.raw_connection()) as connection:
-            connection.cursor().execute("PRAGMA wal_checkpoint(PASSIVE)").close()
 
     def _open_file(self, url: sa.URL) -> sa.Engine:
         name = url.database
@@ -165,7 +156,7 @@ class Database:
         @event.listens_for(engine, "connect")
         def set_up(connection: sqlite3.Connection, _) -> None:
             connection.isolation_level = None  # transactions begin where the listener below says
-            for pragma in (*SET_UP, f"wal_autocheckpoint = {LONGEST // PAGE}"):
+            for pragma in SET_UP:
                 _set(connection, pragma)
 
         @event.listens_for(engine, "begin")

@@ -98,15 +98,16 @@ class Store(Uploads):
             ) from None
         given = [one for one in traces if isinstance(one, Upload)]
         ids = [one.id if isinstance(one, Upload) else one for one in traces]
-        content, names = content_of(kind, text, ids), []
+        content = content_of(kind, text, ids)
         request = (kind, text, json.dumps(ids))
         with self.database.writing() as connection:
             if (same := self._same(connection, key, content, request)) is not None:
                 return same
-            self._recent.require(connection, [one for one in traces if isinstance(one, str)])
+            self._require(connection, [one for one in traces if isinstance(one, str)])
             waiting = connection.execute(statements.WAITING).scalar_one()
             if waiting < self.queue:
-                names = [self._keep(connection, one) for one in given]
+                for one in given:
+                    self._keep(connection, one)
                 row, made = self._insert(connection, kind, text, ids, content)
             else:
                 row, made = connection.execute(statements.LIVE_JOB, {"content": content}).one_or_none(), False
@@ -116,8 +117,6 @@ class Store(Uploads):
                 values = {"key": key, "content": content, "job": row.id}
                 if self._made(connection, keys, values) is None:
                     self._same(connection, key, content, request)  # another server was faster with this key
-        for one, name in zip(given, names, strict=False):  # none where nothing was kept
-            self._recent.keep(one, name)
         if made:
             self.notifier.notify()
         return Submission(job_of(row), made)

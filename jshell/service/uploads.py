@@ -1,9 +1,7 @@
 """Files that were uploaded: kept once, by their content."""
 
 import hashlib
-import threading
 import time
-from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
@@ -17,8 +15,6 @@ from jshell.service.database import Database
 from jshell.service.tables import contents, traces
 
 TOGETHER = 500  # names in one query
-NAMES = 100_000  # of uploads that are known to exist
-RECENT = 64 * 2**20  # bytes of the latest uploads that stay in memory
 
 
 @dataclass(frozen=True)
@@ -64,51 +60,6 @@ class Upload:
         return Upload(name, content, digest, key[:32])
 
 
-class Recent:
-    """The latest uploads, still in memory when a worker of this process asks for them; names of those that exist."""
-
-    def __init__(self) -> None:
-        self._kept: OrderedDict[str, tuple[str, bytes]] = OrderedDict()
-        self._bytes = 0
-        self._known: set[str] = set()
-        self._turn = threading.Lock()
-
-    def keep(self, given: Upload, name: str) -> None:
-        """A file that is on the disk, by the name it has there; the oldest give way."""
-        with self._turn:
-            if given.id in self._kept or len(given.content) > RECENT:
-                return
-            self._kept[given.id] = (name, given.content)
-            self._bytes += len(given.content)
-            while self._bytes > RECENT:
-                self._bytes -= len(self._kept.popitem(last=False)[1][1])
-
-    def all(self, wanted: Sequence[str]) -> list[tuple[str, bytes]] | None:
-        """Name and bytes of files, where every one of them is here."""
-        with self._turn:
-            found = [self._kept.get(trace) for trace in wanted]
-        return None if None in found else [one for one in found if one is not None]
-
-    def require(self, connection: sa.Connection, wanted: Sequence[str]) -> None:
-        """Refuse names of files that were never uploaded; one that was found once is there for ever.
-
-        Raises:
-            NotFound: The first of them.
-        """
-        asked = [trace for trace in wanted if trace not in self._known]
-        found: set[str] = set()
-        for at in range(0, len(asked), TOGETHER):
-            part = asked[at : at + TOGETHER]
-            found |= set(connection.execute(sa.select(traces.c.id).where(traces.c.id.in_(part))).scalars())
-        for trace in asked:
-            if trace not in found:
-                raise unknown(trace)
-        with self._turn:
-            if len(self._known) > NAMES:
-                self._known.clear()
-            self._known |= found
-
-
 class Uploads:
     """The files in a database.
 
@@ -117,7 +68,7 @@ class Uploads:
     """
 
     def __init__(self, database: Database) -> None:
-        self.database, self._recent = database, Recent()
+        self.database = database
 
     def add_trace(self, name: str, content: bytes) -> TraceRow:
         """Keep an uploaded file; the same bytes under the same suffix are kept once.
@@ -133,7 +84,6 @@ class Uploads:
             with self.database.writing() as connection:
                 self._keep(connection, given)
                 row = connection.execute(asked).one()
-        self._recent.keep(given, row.name)
         return _row(row)
 
     def trace(self, trace: str) -> TraceRow:
@@ -162,9 +112,6 @@ class Uploads:
         Raises:
             NotFound: No such trace.
         """
-        recent = self._recent.all(wanted)
-        if recent is not None:
-            return recent
         asked = sa.select(traces.c.id, traces.c.name, contents.c.content).join(
             contents, contents.c.trace == traces.c.id
         )
@@ -193,13 +140,25 @@ class Uploads:
                 asked = asked.where(traces.c.number < number)
             return [_row(row) for row in connection.execute(asked)]
 
-    def _keep(self, connection: sa.Connection, given: Upload) -> str:
-        """Keep a file within the caller's transaction; the name under which it is kept, its first."""
+    def _require(self, connection: sa.Connection, wanted: Sequence[str]) -> None:
+        """Refuse names of files that were never uploaded.
+
+        Raises:
+            NotFound: The first of them.
+        """
+        found: set[str] = set()
+        for at in range(0, len(wanted), TOGETHER):
+            part = wanted[at : at + TOGETHER]
+            found |= set(connection.execute(sa.select(traces.c.id).where(traces.c.id.in_(part))).scalars())
+        for trace in wanted:
+            if trace not in found:
+                raise unknown(trace)
+
+    def _keep(self, connection: sa.Connection, given: Upload) -> None:
+        """Keep a file within the caller's transaction, unless it is there."""
         values = {"id": given.id, "name": given.name, "sha256": given.sha256, "size": len(given.content)}
         if self._made(connection, traces, values) is not None:
             connection.execute(contents.insert().values(trace=given.id, content=given.content))
-            return given.name
-        return connection.execute(sa.select(traces.c.name).where(traces.c.id == given.id)).scalar_one()
 
     def _made(self, connection: sa.Connection, table: sa.Table, values: Mapping[str, Any]) -> Any:
         """The row that was inserted now, or None where there is one already."""

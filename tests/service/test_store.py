@@ -12,7 +12,7 @@ import pytest
 import sqlalchemy as sa
 
 from jshell.errors import BadName, BadStore, BadValue, KeyConflict, NotFound, QueueFull
-from jshell.service import checkpoints, tables
+from jshell.service import tables
 from jshell.service.store import JobFailure, Store
 from jshell.service.uploads import Upload
 
@@ -413,54 +413,6 @@ def test_errors_of_the_first_tables_come_apart(url):
 def test_an_address_that_keeps_nothing_is_refused(url):
     with pytest.raises(BadValue, match=r"sqlite:///"):
         Store.open(url)
-
-
-def test_the_log_of_a_file_is_brought_home_once_nobody_writes(tmp_path):
-    place, alone = tmp_path / "jobs.db", tmp_path / "alone.db"
-    store = Store.open(f"sqlite:///{place}")
-
-    def home() -> bool:
-        """Whether the upload is in the file itself, without its log."""
-        alone.write_bytes(place.read_bytes())
-        with contextlib.closing(sqlite3.connect(alone)) as copy:
-            tables = [name for (name,) in copy.execute("SELECT name FROM sqlite_master")]
-            return "traces" in tables and copy.execute("SELECT count(*) FROM traces").fetchone() == (1,)
-
-    until = time.monotonic() + 1.5
-    store.add_trace("a.csv", b"content")
-    while time.monotonic() < until:
-        store.healthy()  # a write; there is no time to rest
-        assert not home()
-    until = time.monotonic() + 20
-    while not home():
-        assert time.monotonic() < until
-        time.sleep(0.05)
-    before = threading.active_count()
-    store.close()
-    assert threading.active_count() == before - 1  # and nobody is left behind
-
-
-@pytest.mark.parametrize(
-    "error",
-    [sqlite3.OperationalError("database or disk is full"), sa.exc.TimeoutError("no connection is free")],
-    ids=["full", "busy"],
-)
-def test_a_log_that_cannot_be_brought_home_is_tried_again(error):
-    tries = []
-
-    def full() -> None:
-        tries.append(None)
-        raise error
-
-    keeper = checkpoints.Checkpoints(full)
-    for number in (1, 2):
-        keeper.wrote()
-        until = time.monotonic() + 20
-        while len(tries) < number:
-            assert time.monotonic() < until
-            time.sleep(0.01)
-    keeper.close()
-    assert len(tries) == 2
 
 
 def test_what_is_begun_anew_has_no_progress_and_can_be_called_off(store):
