@@ -15,11 +15,14 @@ from jshell.errors import BadFile, BadValue, JshellError, Outcome
 from jshell.files import NamedBytes
 from jshell.io import read_trace, zip_files
 from jshell.io.zip_files import Content
+from jshell.renamed import renamed
 from jshell.service.encoding import as_csv, neutral
 from jshell.trace import Trace
 
 FREE = "free_directions"
 PLAIN = (FREE, "absolute", "loss", "channels")  # of a result: all but its columns
+_FILE = "jshell.calibration.recordings_file"
+__getattr__ = renamed(__name__, {"pack": f"{_FILE}:encode", "unpack": f"{_FILE}:decode", "count": f"{_FILE}:count"})
 
 
 @dataclass(frozen=True)

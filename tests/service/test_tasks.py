@@ -179,6 +179,8 @@ def short() -> Recordings:
 
 def test_records_and_results_travel_to_the_bit(short):
     back = recordings_file.decode(recordings_file.encode(short))
+    with pytest.warns(DeprecationWarning, match="encode"):
+        assert batches.pack(short) == recordings_file.encode(short)
     for name in ("times", "values", "sigma", "counts"):
         np.testing.assert_array_equal(getattr(back, name), getattr(short, name))
     np.testing.assert_array_equal(back.conditions.viscosity, short.conditions.viscosity)
