@@ -91,6 +91,7 @@ def load_recordings(path: str | Path) -> Recordings:
     """Read recordings from such a file.
 
     Raises:
-        BadFile, BadShape, BadValue: As `decode`.
+        BadFile: No archive of plain arrays, or one of them is missing.
+        BadShape, BadValue: As `Recordings`.
     """
     return decode(read_bytes(path).content, str(path))
